@@ -8,7 +8,7 @@ own random streams.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.agents.behaviours.calls import BehaviourCall, Failed, intent_of
-from are_ros.agents.behaviours.leaving import Leaving
+from are_ros.agents.behaviours.leaving import Leaving, WalkingOut
 from are_ros.agents.behaviours.repertoire import Repertoire
 from are_ros.agents.behaviours.situation import (
     Behaviour,
@@ -318,19 +318,20 @@ class DecisionLayer:
         takes its place. It is time to go if the value of going there is less after an epoch spent
         otherwise, by more than the price of that.
         """
-        requests = list[NavigationRequest]()
-        for row, state in several.items():
-            way_out, situation = state.repertoire.way_out, situations[row]
-            if way_out is None or situation.left_s is None:
-                continue
-            left_s = situation.left_s - EARLY_S
-            if left_s > self._settings.max_horizon:
-                continue
-            if way_out.exit_m is None or not self.hides(np.array([way_out.exit_m])).all():
-                way_out.exit_m = self._nearest_exit(situation)
-            if way_out.exit_m is not None and not way_out.is_time:
-                request = _request(state, situation, way_out.intent(situation))
-                requests.append(request._replace(left_s=left_s))
+        soon = {
+            row: way_out
+            for row, state in several.items()
+            if (way_out := state.repertoire.way_out) is not None
+            and _early_s(situations[row]) <= self._settings.max_horizon
+        }
+        self._choose_exits([(way_out, situations[row]) for row, way_out in soon.items()])
+        requests = [
+            _request(several[row], situations[row], way_out.intent(situations[row]))._replace(
+                left_s=_early_s(situations[row])
+            )
+            for row, way_out in soon.items()
+            if way_out.exit_m is not None and not way_out.is_time
+        ]
         prospects = self._navigation.prospects(requests, view, robot)
         for request, prospect in zip(requests, prospects, strict=True):
             way_out = request.state.repertoire.way_out
@@ -345,14 +346,26 @@ class DecisionLayer:
             return loss > _NO_LOSS * price
         return (request.left_s or 0.0) <= self._settings.decision_period + _NEAR_EXIT_S
 
-    def _nearest_exit(self, situation: Situation) -> Point | None:
-        """Return the nearest exit out of view, else such a destination; None if there is none."""
-        for points_m in (situation.places.exits_m, situation.places.destinations_m):
+    def _choose_exits(self, leaving: Sequence[tuple[WalkingOut, Situation]]) -> None:
+        """Choose the exits of agents, given their situations, where the last one is in view."""
+        known = [way_out for way_out, _ in leaving if way_out.exit_m is not None]
+        exits_m = np.array([way_out.exit_m for way_out in known]).reshape(-1, 2)
+        is_hidden = dict(zip(known, self.hides(exits_m).tolist(), strict=True)) if known else {}
+        hidden_m = dict[Destinations, list[Point]]()
+        for way_out, situation in leaving:
+            if not is_hidden.get(way_out, False):
+                places = situation.places
+                if places not in hidden_m:
+                    hidden_m[places] = self._hidden(places)
+                way_out.exit_m = min(hidden_m[places], key=situation.distance_m, default=None)
+
+    def _hidden(self, places: Destinations) -> list[Point]:
+        """Return the exits out of view, else such destinations."""
+        for points_m in (places.exits_m, places.destinations_m):
             hidden_m = points_m[self.hides(points_m)].tolist()
             if hidden_m:
-                x_m, y_m = min(hidden_m, key=situation.distance_m)
-                return x_m, y_m
-        return None
+                return [(x_m, y_m) for x_m, y_m in hidden_m]
+        return []
 
     def _change(self, row: int, state: AgentState, chosen: int, now_ns: int) -> None:
         """Put another behaviour of an agent's repertoire in force."""
@@ -366,16 +379,15 @@ class DecisionLayer:
         """Draw a move by Boltzmann's law, let it slip, and return what follows from it."""
         if prospect.kind is not Prospects.CHOOSES:
             return self._navigation.result(request, prospect, 0, STAY)
-        state = request.state
-        values = prospect.values[state.repertoire.paces].ravel().tolist()
+        state, paces = request.state, request.state.repertoire.paces
+        values = prospect.values[paces].ravel().tolist()
         weights = boltzmann([1.0] * len(values), values, self._settings.temperature)
         pace, move = divmod(drawn(weights, state.policy_random.random()), _MOVES)
-        pace += state.repertoire.paces.indices(len(prospect.values))[0]
+        pace += paces.indices(len(prospect.values))[0]
         becomes = slipped(move, state.slip, state.policy_random.random())
         if becomes == STAY != move:  # it fails: the agent turns there, and does not go
             return _hesitating(request, self._navigation.result(request, prospect, pace, move))
-        result = self._navigation.result(request, prospect, pace, becomes)
-        return result._replace(waits=move == STAY)
+        return self._navigation.result(request, prospect, pace, becomes)
 
     def send_out(self, row: int, now_ns: int) -> None:
         """Send an agent whose life is over to an exit, from its next decision on."""
@@ -475,6 +487,11 @@ class DecisionLayer:
         if self.report_fault is None:
             raise fault
         self.report_fault(fault)
+
+
+def _early_s(situation: Situation) -> float:
+    """Return how long it is until an agent means to be at an exit [s]; inf if not known."""
+    return math.inf if situation.left_s is None else situation.left_s - EARLY_S
 
 
 def _drawn_planner(artefact: Artefact, random: np.random.Generator) -> str:

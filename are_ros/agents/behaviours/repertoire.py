@@ -36,11 +36,16 @@ class Repertoire:
         self.in_force = 0
         self._behaviours = tuple(behaviours.values())
         self.way_out = next((one for one in self._behaviours if type(one) is WalkingOut), None)
-        self._travelling = {
-            k: one
-            for k, one in enumerate(self._behaviours)
+        travelling = [
+            one
+            for one in self._behaviours
             if isinstance(one, Walking) and type(one) in _TRAVELLING.values()
-        }
+        ]
+        self.journey = travelling[0].journey if travelling else None
+        """The journey of the travelling behaviours, None if there are none."""
+        self._moving = [one for one in travelling if type(one) is not Stopping]
+        self._speeds_mps: tuple[float, ...] | None = None
+        self._paces = [_pace_of(one) if one in self._moving else None for one in self._behaviours]
 
     @classmethod
     def of(cls, artefact: Artefact, call: BehaviourCall, *, by_exit: bool) -> "Repertoire":
@@ -77,22 +82,19 @@ class Repertoire:
         """Count the behaviours."""
         return len(self.names)
 
-    @property
-    def journey(self) -> Journey | None:
-        """The journey of the travelling behaviours, None if there are none."""
-        return next((one.journey for one in self._travelling.values()), None)
-
     def speeds_mps(self, situation: Situation) -> tuple[float, ...]:
         """Return the speeds [m/s] of the journey: walking (or driving), then running."""
-        moving = [one for one in self._travelling.values() if type(one) is not Stopping]
-        return tuple(sorted({one.speed_mps(situation) for one in moving}))
+        if self._speeds_mps is None:
+            speeds_mps = {one.speed_mps(situation) for one in self._moving}
+            self._speeds_mps = tuple(sorted(speeds_mps))
+        return self._speeds_mps
 
     @property
     def paces(self) -> slice:
         """The indices of the speeds that the behaviour in force may have; of running the last."""
         if self.behaviour is self.way_out:
             return slice(None)
-        return slice(-1, None) if type(self.behaviour) is Running else slice(0, 1)
+        return slice(-1, None) if _pace_of(self.behaviour) else slice(0, 1)
 
     def advantages(self, values: npt.NDArray[np.float64]) -> list[float]:
         """Return by how much the best move of each behaviour is worse than the best of all (B,).
@@ -100,13 +102,10 @@ class Repertoire:
         `values` float64 (P, 5) are those of staying and of the four moves, at each speed of the
         journey. Behaviours with goals of their own bring it no nearer to its end, as staying does.
         """
-        at_pace, stays = values.max(axis=1).tolist(), float(values[0, 0])
+        rows = values.tolist()
+        at_pace, stays = [max(row) for row in rows], rows[0][0]
         value = max(at_pace)
-        best: dict[type[Behaviour], float] = {Stopping: stays, Running: at_pace[-1]}
-        return [
-            (best.get(type(one), at_pace[0]) if k in self._travelling else stays) - value
-            for k, one in enumerate(self._behaviours)
-        ]
+        return [(stays if pace is None else at_pace[pace]) - value for pace in self._paces]
 
     @property
     def behaviour(self) -> Behaviour:
@@ -116,3 +115,8 @@ class Repertoire:
     def rewards(self, situation: Situation) -> list[float]:
         """Return what a second of each behaviour is worth now (B,); see `Behaviour`."""
         return [reward_of(one, situation) for one in self._behaviours]
+
+
+def _pace_of(behaviour: Behaviour) -> int:
+    """Return the index of a behaviour's pace among those of a journey: that of running is last."""
+    return -1 if type(behaviour) is Running else 0

@@ -235,3 +235,10 @@ def solve(problem: Problem, horizon: int, kept_bytes: int = KEPT_BYTES) -> Solut
     planes, settled, epochs = _induction.solved(problem, horizon + 1 if keeps_all else 2, horizon)
     last = planes[: epochs + 1] if keeps_all else planes[epochs % 2][None].copy()
     return Solution(last, settled, epochs)
+
+
+def last_planes(problem: Problem, horizon: int, count: int) -> Floats:
+    """Return the last `count` planes up to V_horizon, (count, 4, h, w), as `solve` does."""
+    planes, _, epochs = _induction.solved(problem, count, horizon)
+    last = [min(epoch, epochs) % count for epoch in range(horizon + 1 - count, horizon + 1)]
+    return planes[last]

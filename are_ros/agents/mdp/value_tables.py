@@ -1,7 +1,6 @@
 """Value tables of the decision process by type and goal, kept up to a bound of memory."""
 
 import math
-import sys
 from collections import OrderedDict
 from dataclasses import dataclass, replace
 from typing import Final, Generic, Protocol, TypeVar
@@ -10,7 +9,16 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.agents.mdp.coarse_map import Cell, CoarseMap
-from are_ros.agents.mdp.model import TravelModel, Ways, Window, price_in, problem_of, solve, ways_to
+from are_ros.agents.mdp.model import (
+    TravelModel,
+    Ways,
+    Window,
+    last_planes,
+    price_in,
+    problem_of,
+    solve,
+    ways_to,
+)
 from are_ros.agents.mdp.routes import ValueArrays
 
 
@@ -62,7 +70,10 @@ KEPT_BYTES_PER_TABLE: Final = 2**19
 """Planes of all epochs are kept up to this size; else that of the longest horizon is."""
 
 SWEPT_BYTES: Final = 128 * 2**20
-"""Memory for the planes of larger tables that were computed again, all of them."""
+"""Memory for the planes of larger tables that were computed again."""
+
+SWEPT_EPOCHS: Final = 8
+"""So many planes are computed again at once: the decisions of an agent ask for one by one."""
 
 NEVER_SETTLED: Final = 255
 
@@ -181,7 +192,7 @@ class ValueTables:
         self._kept_bytes = kept_bytes
         self._shared = _Store(budget_bytes)
         self._parts = _Store(min(budget_bytes, PARTS_BYTES))
-        self._swept = TableStore[TableKey, npt.NDArray[np.float32]](SWEPT_BYTES)
+        self._swept = TableStore[tuple[TableKey, int], npt.NDArray[np.float32]](SWEPT_BYTES)
 
     def __len__(self) -> int:
         return len(self._shared) + len(self._parts)
@@ -251,14 +262,24 @@ class ValueTables:
                 return self._solved(self._parts, coarse, key, found, goal_m)
         return None
 
-    def all_planes(self, table: ValueTable) -> npt.NDArray[np.float32]:
-        """Return the planes of all epochs of a table; they are computed again if necessary."""
+    def plane(self, table: ValueTable, epochs_left: int) -> npt.NDArray[np.float32]:
+        """Return the values (4, h, w) with so many epochs left; computed again if necessary."""
         if len(table.planes) > 1:
-            return table.planes
-        planes = self._swept.get(table.key)
+            planes, place = table.planes, min(epochs_left, len(table.planes) - 1)
+        else:
+            block, place = divmod(epochs_left, SWEPT_EPOCHS)
+            planes = self._block(table, block)
+        plane: npt.NDArray[np.float32] = planes[place]
+        return plane
+
+    def _block(self, table: ValueTable, block: int) -> npt.NDArray[np.float32]:
+        """Return the planes of `SWEPT_EPOCHS` epochs of a table."""
+        key = table.key, block
+        planes = self._swept.get(key)
         if planes is None:
-            planes = solve(problem_of(table.ways), self._horizon, sys.maxsize).planes
-            self._swept.put(table.key, planes)
+            last = (block + 1) * SWEPT_EPOCHS - 1
+            planes = last_planes(problem_of(table.ways), last, SWEPT_EPOCHS)
+            self._swept.put(key, planes)
         return planes
 
     def _table_or_ways(self, store: _Store, coarse: CoarseMap, key: TableKey) -> ValueTable | Ways:

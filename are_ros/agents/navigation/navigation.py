@@ -49,6 +49,9 @@ _GOALS_KEPT = 3
 """So many goals of an agent are known: of its journey, of its behaviour, and its way out."""
 
 _NO_ENVIRONMENT = "there is no environment yet, so no way can be found"
+_SETTLED = np.empty((0, 0), np.uint8)
+"""No cell whose values could be others."""
+
 _NO_WAY = np.empty((0, 2))
 _NO_VALUES = np.empty((0, 5))
 _NO_ROBOT = np.zeros((AHEAD, 2)), -1.0
@@ -95,10 +98,10 @@ class ActiveGoal(NamedTuple):
     table: ValueTable
     arrays: GoalArrays
 
-    def with_planes(self, planes: npt.NDArray[np.float32]) -> "ActiveGoal":
-        """Return the same with the values of all epochs."""
-        ground, (_, *others), ends = self.arrays
-        return self._replace(arrays=(ground, (planes, *others), ends))
+    def with_plane(self, plane: npt.NDArray[np.float32]) -> "ActiveGoal":
+        """Return the same with the values (4, h, w) of the epoch that counts in each cell."""
+        ground, (_, _, *others), ends = self.arrays
+        return self._replace(arrays=(ground, (plane[None], _SETTLED, *others), ends))
 
 
 class Prospect(NamedTuple):
@@ -245,18 +248,19 @@ class Navigation:
         index: int,
     ) -> Prospect:
         """Return the prospect by the values of the decision process."""
-        values = np.empty((len(request.speeds_mps), 5))
+        values, epochs = np.empty((len(request.speeds_mps), 5)), self._epochs(request.left_s)
         look = partial(
             prospect_of,
             view.crowd,
             around,
-            (index, request.is_patient, self._epochs(request.left_s)),
+            (index, request.is_patient, epochs),
             request.intent.is_moving_goal,
             values,
         )
         what, heading, value = look(*active.arrays)
         if what == UNKNOWN:
-            active = active.with_planes(self._tables.all_planes(active.table))
+            plane = self._tables.plane(active.table, max(0, epochs - AHEAD))
+            active = active.with_plane(plane)
             what, heading, value = look(*active.arrays)
         return Prospect(_KINDS[what], values, value, heading, active)
 
@@ -279,7 +283,7 @@ class Navigation:
         count, x_m, y_m, is_end = way_along(*prospect.active.arrays, pose, (pace, move), way_m)
         way_m = way_m[:count]
         if move == 0 or count == 0:
-            return NavigationResult(_command(request, None), waits=True, way_m=way_m)
+            return NavigationResult(_command(request, None), waits=move == 0, way_m=way_m)
         command = _command(request, (x_m, y_m), speed_mps, stop_there=is_end)
         return NavigationResult(command, way_m=way_m)
 
