@@ -2,8 +2,8 @@
 
 Of two agents in each other's way the one of the higher priority pushes. The pushed agent inherits
 that priority, and so pushes the agents behind it (priority inheritance). Priorities are drawn anew
-every eight seconds by a hash of the id and that time, so no agent stays last for long. One that is
-to stand, as a follower behind its leader, steps aside only for who has waited for longer.
+every eight seconds by a hash of the id and that time, so no agent stays last for long. An agent
+that has to stand, as a follower behind its leader, steps aside only for one that has waited longer.
 
 The commands are written here, too: a new sub-goal forgets the deadlock on the way to the old one.
 """
@@ -76,9 +76,10 @@ def _priority(agents: AgentArrays, i: int, now: int, epoch: int) -> float:
 def can_yield(agents: AgentArrays, i: int, j: int, now: int) -> bool:
     """Tell whether agent i may push agent j, should it have the higher priority.
 
-    It may not push one that follows a track; and one that is to stand only after it has waited for
-    longer, or is pushed itself where it is to stand. One that follows its path does not swerve: it
-    is pushed only where it stands, by who has waited for longest.
+    It may not push an agent that follows a track. It may push an agent that has to stand only after
+    a longer wait, or while it has to stand and is pushed itself. An agent whose planner is
+    path_following does not swerve: it may push such an agent only if that has to stand, and after
+    the longest wait.
     """
     if agents.place[j].is_scripted == 1 or agents.body[j].speed <= 0.0:
         return False
