@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +32,7 @@ from are_ros.draw.palette import (
     SEEN,
     WHITE,
     Rgb,
+    behaviour_colours,
     class_colours,
     mixed,
 )
@@ -95,6 +96,10 @@ _FLASHES: Final[Mapping[EventKind, tuple[str, Rgb]]] = {
     EventKind.DISPLACED: ("displaced", (224, 160, 16)),
 }
 _ARTEFACT: Final = re.compile(r"artefact (\d+)")
+_NEWS_NS: Final = 7 * NS_PER_S
+_WAITS: Final = "waiting for "
+_LONG_WAIT_NS: Final = 3 * NS_PER_S
+_TAG_PAD_PX: Final = (3.0, 2.0)
 
 
 @dataclass(frozen=True)
@@ -213,6 +218,14 @@ class _Actor:
     colour: Rgb
     is_perceived: bool
     texts: tuple[str, str]
+    news: "_News | None"
+
+
+class _News(NamedTuple):
+    """What a tag tells for some seconds: that a behaviour changed, or that a long wait began."""
+
+    text: str
+    colour: Rgb
 
 
 class Frames:
@@ -235,6 +248,10 @@ class Frames:
         px_per_m = min(largest[0] / window.width_m, largest[1] / window.height_m)
         self.view = View(window, px_per_m, 0.0, HEADER_PX)
         self._colours = class_colours([life.row.class_name for life in record.lives])
+        self._classes = {life.artefact_id: life.row.class_name for life in record.lives}
+        self._tag_colours = behaviour_colours(
+            [doing.behaviour for life in record.lives for doing in life.doings]
+        )
         self._following = following_stretches(record.lives, int(record.series.stamps_ns[-1]) + 1)
         self.footer_px = ROW_PX * max(len(_rows_below(self.legend()[1], self._width_px)), 1)
         """How high the rows of the legend below the map are."""
@@ -261,6 +278,7 @@ class Frames:
         width, height = self.size_px
         inside = (0.0, HEADER_PX, float(width), float(height - self.footer_px))
         self._labels = Labels(self._is_wall, inside, _LABEL_PX)
+        self._tags = Labels(self._is_wall, inside, _LABEL_PX + 1)
 
     def picture(self, stamp_ns: int) -> Image:
         """Return the picture (h, w, 3), RGB, at the stamp of a tick."""
@@ -281,7 +299,7 @@ class Frames:
         self._draw_following(canvas, actors, stamp_ns)
         taken = self._draw_robot(canvas, stamp_ns)
         self._draw_flashes(canvas, stamp_ns)
-        self._draw_labels(canvas, actors, taken)
+        self._draw_texts(canvas, actors, taken)
         self._draw_clock(canvas, actors, stamp_ns)
         return canvas.pixels
 
@@ -296,7 +314,28 @@ class Frames:
             self._colours[life.row.class_name],
             life.is_perceived_at(stamp_ns),
             (f"{number} {words}".strip(), number),
+            self._news(life, stamp_ns),
         )
+
+    def _news(self, life: Life, stamp_ns: int) -> _News | None:
+        """Return the last change of behaviour or beginning of a long wait, if it was of late."""
+        number, doings = id_text(life.artefact_id), life.doings
+        begun = [i for i, doing in enumerate(doings) if doing.since_ns <= stamp_ns]
+        for i in reversed(begun):
+            doing, before = doings[i], doings[max(i - 1, 0)]
+            if stamp_ns - doing.since_ns >= _NEWS_NS:
+                return None
+            if i == begun[-1] and _is_long_wait(life, i):
+                return _News(f"{number} {_ARTEFACT.sub(self._named, doing.activity)}", INK)
+            if doing.behaviour != before.behaviour:
+                text = f"{number} {before.behaviour} \N{RIGHTWARDS ARROW} {doing.behaviour}"
+                return _News(text, mixed(self._tag_colours[doing.behaviour], 0.85, INK))
+        return None
+
+    def _named(self, found: re.Match[str]) -> str:
+        """Return the class and the id of an artefact that an activity names."""
+        number = int(found[1])
+        return f"{self._classes.get(number, 'artefact')} {id_text(number)}"
 
     def _draw_field_of_view(self, canvas: Canvas, stamp_ns: int) -> None:
         stamps = self._record.camera.stamps_ns
@@ -347,22 +386,26 @@ class Frames:
                 centre = self.view.pixels((x_m, y_m))
                 canvas.ring(centre, 8.0 + 14.0 * age, colour, 3.0 if is_grave else 1.0)
 
-    def _draw_labels(
+    def _draw_texts(
         self, canvas: Canvas, actors: Sequence[_Actor], taken: Sequence[Rectangle]
     ) -> None:
-        """Write ids and what the artefacts do; the perceived artefacts come first."""
+        """Write a tag or a label for each artefact: its id, and what it does or what is new."""
         boxes = {actor.number: bounds_of(actor.outline.corners_px) for actor in actors}
         by_number = {actor.number: actor for actor in actors}
-        labels = []
-        for actor in sorted(actors, key=lambda actor: not actor.is_perceived):
-            is_told = actor.is_perceived or len(actors) <= _MOST_TOLD
-            texts = actor.texts if is_told else actor.texts[1:]
-            labels.append(Label(actor.number, boxes[actor.number], texts))
+        tags = self._tags.place(_tags_of(actors, boxes), [*boxes.values()], taken)
+        tagged = {placed.label.key for placed in tags}
+        labels = [one for one in _labels_of(actors, boxes) if one.key not in tagged]
+        taken = [*taken, *(_padded(placed.place) for placed in tags)]
         for placed in self._labels.place(labels, [*boxes.values()], taken):
             actor = by_number[placed.label.key]
             colour = INK if actor.is_perceived else mixed(INK, 0.62)
             point_to_box(canvas, placed, actor.outline.nose_px[0], colour)
             canvas.text(placed.text, placed.place[:2], _LABEL_PX, colour)
+        for placed in tags:
+            actor = by_number[placed.label.key]
+            if actor.news is not None:
+                point_to_box(canvas, placed, actor.outline.nose_px[0], actor.news.colour)
+                canvas.tag(placed.text, _padded(placed.place), _LABEL_PX + 1, actor.news.colour)
 
     def _draw_clock(self, canvas: Canvas, actors: Sequence[_Actor], stamp_ns: int) -> None:
         """Write the time, and how many artefacts are there and perceived."""
@@ -416,6 +459,42 @@ def draw_legend(canvas: Canvas, header: Sequence[Entry], footer: Sequence[Entry]
 def _rows_below(footer: Sequence[Entry], width_px: int) -> list[list[Entry]]:
     """Return the rows of the footer, in a picture of a width."""
     return rows_of(footer, width_px - 2 * _MARGIN_PX, _TEXT_PX)
+
+
+def _is_long_wait(life: Life, index: int) -> bool:
+    """Tell whether an artefact waited, and for long, during the doing of an index."""
+    doing, after = life.doings[index], life.doings[index + 1 : index + 2]
+    end_ns = after[0].since_ns if after else life.departure_ns
+    is_long = end_ns is None or end_ns - doing.since_ns >= _LONG_WAIT_NS
+    return is_long and doing.activity.startswith(_WAITS)
+
+
+def _tags_of(actors: Sequence[_Actor], boxes: Mapping[int, Rectangle]) -> list[Label]:
+    """Return a tag for each artefact that has news."""
+    return [
+        Label(actor.number, boxes[actor.number], (actor.news.text,))
+        for actor in actors
+        if actor.news is not None
+    ]
+
+
+def _labels_of(actors: Sequence[_Actor], boxes: Mapping[int, Rectangle]) -> list[Label]:
+    """Return the labels; the perceived artefacts come first, and of many only they have words."""
+    is_few = len(actors) <= _MOST_TOLD
+    return [
+        Label(
+            actor.number,
+            boxes[actor.number],
+            actor.texts if actor.is_perceived or is_few else actor.texts[1:],
+        )
+        for actor in sorted(actors, key=lambda actor: not actor.is_perceived)
+    ]
+
+
+def _padded(place: Rectangle) -> Rectangle:
+    """Return a rectangle with the edge of a tag around it."""
+    (across, down), (left, top, right, bottom) = _TAG_PAD_PX, place
+    return left - across, top - down, right + across, bottom + down
 
 
 def _tail(life: Life, stamp_ns: int) -> list[Floats]:

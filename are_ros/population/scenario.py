@@ -93,12 +93,12 @@ class Track:
 class ScriptedArtefact:
     """One artefact of a scenario; times are nanoseconds since the start of the run.
 
-    `row` is a row of the catalogue, with the speed that the scenario gives. The artefact arrives at
-    `pose`, on the ground, or at the pose of its `track` with its z. A `stays_ns` of None means for
-    ever. At most one of these is given: `way_m`, points (x, y) to walk along, again and again with
-    `loop`; `follows`, the name of a leader; `track`. Else its behaviour decides. With an
-    `artefact_id` of None the run assigns one. `origin` and `cause` (of the departure) are those of
-    the run from which the scenario was saved.
+    `row` is a row of the catalogue, with the speed and the planner that the scenario gives. The
+    artefact arrives at `pose`, on the ground, or at the pose of its `track` with its z. A
+    `stays_ns` of None means for ever. At most one of these is given: `way_m`, points (x, y) to walk
+    along, again and again with `loop`; `follows`, the name of a leader; `track`. Else its behaviour
+    decides. With an `artefact_id` of None the run assigns one. `origin` and `cause` (of the
+    departure) are those of the run from which the scenario was saved.
     """
 
     row: CatalogueRow

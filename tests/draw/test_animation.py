@@ -161,6 +161,47 @@ def test_a_follower_is_joined_to_its_leader_while_it_follows() -> None:
     assert walking == {0}
 
 
+def test_a_change_of_behaviour_is_told_for_some_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tag in the colour of the new behaviour, in the place of the label, and then the label."""
+    changing = replace(
+        walker(1, (5, 5), (5, 5.01)),
+        doings=(Doing(TICK_NS, "walking"), Doing(TICK_NS * 20, "running")),
+    )
+    scene, written = _scene(run([changing])), texts_written(monkeypatch)
+    inks = []
+    for tick in (19, 20, 89, 90):
+        picture = scene.picture(TICK_NS * tick)
+        inks.append(int((np.abs(picture.astype(int) - (196, 59, 53)).max(axis=2) < 5).sum()))
+    told = [text for text in written if text.startswith("1 ") and "virtual" not in text]
+    assert told == ["1 walking", *["1 walking \N{RIGHTWARDS ARROW} running"] * 2, "1 running"]
+    assert min(inks[1:3]) > 500
+    assert max(inks[0], inks[3]) < 20
+
+
+@pytest.mark.parametrize(("ticks", "told"), [(29, "waiting for 2"), (30, "waiting for pallet 2")])
+def test_a_long_wait_is_told_with_the_class_of_what_is_waited_for(
+    ticks: int, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of three seconds and more."""
+    waiting = replace(
+        walker(1, (5, 5), (5, 5.01)),
+        doings=(
+            Doing(TICK_NS, "walking"),
+            Doing(TICK_NS * 20, "walking", "waiting for artefact 2"),
+            Doing(TICK_NS * (20 + ticks), "walking"),
+        ),
+    )
+    scene = _scene(run([waiting, walker(2, (6, 5), (6, 5.01), name="pallet")]))
+    written = texts_written(monkeypatch)
+    for tick in (19, 21, 20 + ticks):
+        scene.picture(TICK_NS * tick)
+    assert [text for text in written if text.startswith("1 ")] == [
+        "1 walking",
+        f"1 {told}",
+        "1 walking",
+    ]
+
+
 def test_walls_and_the_way_of_the_robot_are_there() -> None:
     """Walls are dark where the map has them, and the way driven so far is blue."""
     scene = _scene(run([], way=ROBOT_WAY))

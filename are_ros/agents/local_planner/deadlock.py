@@ -2,9 +2,9 @@
 
 Of two agents in each other's way the one of the higher priority pushes. The pushed agent inherits
 that priority, and so pushes the agents behind it (priority inheritance). Priorities are drawn anew
-every eight seconds by a hash of the id and that time, so no agent stays last for long. One that is
-to stand, as a follower behind its leader, steps aside only for who has waited for longer. The robot
-pushes those that stand where it is about to drive.
+every eight seconds by a hash of the id and that time, so no agent stays last for long. An agent
+that has to stand, as a follower behind its leader, steps aside only for one that has waited longer.
+The robot pushes the agents that stand where it is about to drive.
 
 The commands are written here, too: a new sub-goal forgets the deadlock on the way to the old one.
 """
@@ -81,9 +81,10 @@ def _priority(agents: AgentArrays, i: int, now: int, epoch: int) -> float:
 def can_yield(agents: AgentArrays, i: int, j: int, now: int) -> bool:
     """Tell whether agent i may push agent j, should it have the higher priority.
 
-    It may not push one that follows a track; and one that is to stand only after it has waited for
-    longer, or is pushed itself where it is to stand. One that follows its path does not swerve: it
-    is pushed only after the longest wait, where it is to stand or has waited for as long.
+    It may not push an agent that follows a track. It may push an agent that has to stand only after
+    a longer wait, or while it has to stand and is pushed itself. An agent whose planner is
+    path_following does not swerve: it may push such an agent only after the longest wait, and if
+    that agent has to stand, or has waited for as long.
     """
     if agents.place[j].is_scripted == 1 or agents.body[j].speed <= 0.0:
         return False

@@ -82,9 +82,9 @@ def propose(
 ) -> int:
     """Write what the planner of agent i proposes at a pose; return how many options there are.
 
-    The first `near` rows of `workspace.near` are the others. Who is pushed, or to stand, does that
-    by the dynamic window, and so does a vehicle whose planner is for who turns on the spot, or one
-    whom the forces hold between walls.
+    The first `near` rows of `workspace.near` are the others. These plan by the dynamic
+    window, whatever their planner: an agent that is pushed or has to stand; a vehicle whose planner
+    is for agents that turn on the spot; an agent that the forces hold between walls.
     """
     body, memory, options = agents.body[i], agents.memory[i], workspace.options
     planner = agents.command[i].planner
@@ -191,12 +191,12 @@ def _wished(
 RELAXATION_S = 0.5
 OTHERS_MPS2, OTHERS_M = 2.0, 0.3
 AHEAD_S = 0.5
-"""The step of the ellipses: so far ahead others are seen to come."""
+"""The time step of the ellipses: the others' motion is seen so far ahead."""
 BEHIND = 0.1
-"""What somebody right behind counts for, of somebody right ahead."""
+"""The weight of an agent right behind; one right ahead has 1."""
 WALLS_MPS2, WALLS_M = 3.0, 0.1
 FORCES_FAIL_AFTER = 3.0
-"""Who has made no progress for so long [s] plans by the dynamic window until it does."""
+"""An agent without progress for so long [s] plans by the dynamic window until it moves on."""
 HORIZON_S = 0.5
 """The velocity proposed is that after this time."""
 _LEAST_AXIS = 0.05

@@ -42,8 +42,8 @@ class PlanningScene(NamedTuple):
     """What a planner knows when it proposes, in the map frame.
 
     `me` and its heading; the sub-goal, the speed wanted, and whether the way ends there.
-    `turn_radius_m` is 0 for who turns on the spot. `others` are those within 10 m, the nearest
-    first. `clearance_m(x_m, y_m)` is the distance of a point from closed ground.
+    `turn_radius_m` is 0 for an agent that turns on the spot. `others` are those within 10 m, the
+    nearest first. `clearance_m(x_m, y_m)` is the distance of a point from closed ground.
     """
 
     now_ns: int

@@ -20,7 +20,7 @@ _ROUNDING = 1e-5
 """Costs of ways that differ by this share count as equal."""
 
 AHEAD = 2
-"""So many epochs are looked ahead among others who move."""
+"""For so many epochs the motion of the others is foreseen."""
 
 
 class ValueArrays(NamedTuple):

@@ -21,6 +21,7 @@ from are_ros.agents.behaviours.along_way import AlongWay
 from are_ros.agents.behaviours.following import Following
 from are_ros.agents.behaviours.registry import why_not
 from are_ros.agents.behaviours.situation import Standing
+from are_ros.agents.local_planner.user_planners import why_not as why_no_planner
 from are_ros.builder.files.catalogue_file import Fields
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import CatalogueError, ScenarioError
@@ -165,10 +166,10 @@ _EXACT_DIGITS: Final = 15
 _LINE: Final = 100
 
 _MOVEMENTS: Final = ("way", "follows", "track")
-_NOT_BESIDE_TRACK: Final = ("at", "speed")
+_NOT_BESIDE_TRACK: Final = ("at", "speed", "planner")
 _KEYS: Final = (
     *("label", "row", "id", "name", "at", "arrives", "stays", "behaviour", "way", "loop"),
-    *("speed", "follows", "track", "origin", "left_by"),
+    *("speed", "planner", "follows", "track", "origin", "left_by"),
 )
 _ORIGINS: Final = {origin.name.lower(): origin for origin in Origin}
 _BLOCKS: Final = (Cause.MAX_ALIVE, Cause.NO_PLACE, Cause.NO_HIDDEN_PLACE, Cause.REFUSED)
@@ -333,7 +334,7 @@ def _artefact(given: Fields, catalogue: Catalogue, files: _TrackFiles) -> Script
         arrives_ns = _ns(given, "arrives", given.raw("arrives"))
     stays = given.raw("stays")
     return ScriptedArtefact(
-        row=_at_speed(given, row),
+        row=_planned(given, _at_speed(given, row)),
         pose=_pose(given) if track is None else track.pose_at(arrives_ns),
         arrives_ns=arrives_ns,
         stays_ns=None if stays is None or stays == "forever" else _ns(given, "stays", stays),
@@ -448,6 +449,18 @@ def _at_speed(given: Fields, row: CatalogueRow) -> CatalogueRow:
     if speed_mps > most:
         given.refuse("speed", f"is {speed_mps:g}, but {row.label} moves at {most:g} m/s at most")
     return replace(row, motion=replace(row.motion, speed_mps=speed_mps))
+
+
+def _planned(given: Fields, row: CatalogueRow) -> CatalogueRow:
+    """Return the row, with the planner given as its only one, if any is."""
+    if "planner" not in given:
+        return row
+    _check_moves(given, "planner", row)
+    planner = given.text("planner")
+    reason = why_no_planner(planner)
+    if reason:
+        given.refuse("planner", f"is {planner!r}, which {reason}")
+    return replace(row, planners={planner: 1.0})
 
 
 def _track(given: Fields, files: _TrackFiles, artefact_id: int | None, name: str) -> Track | None:

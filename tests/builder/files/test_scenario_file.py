@@ -200,6 +200,9 @@ AT = "at: [1, 2, 3]"
         (f"row: 14, {AT}, speed: 0", "speed is 0, but must be positive"),
         (f"row: 14, {AT}, speed: 9", "speed is 9, but person_adult_short moves at 1.35 m/s"),
         (f"row: 1, {AT}, speed: 1", "speed is given, but pallet_industrial cannot move"),
+        (f"row: 14, {AT}, planner: none", "planner is 'none', which is not known"),
+        (f"row: 1, {AT}, planner: dynamic_window", "planner is given, but pallet_industrial"),
+        ("row: 14, track: [[0, 0, 0, 0, 0]], planner: social_force", "planner is given beside"),
         (f"row: 14, {AT}, track: [[0, 0, 0, 0, 0]]", "at is given beside track"),
         ("row: 14, track: [[0, 0, 0, 0, 0]], speed: 1", "speed is given beside track"),
         ("row: 14, track: []", "track cannot be used: it has no pose"),
@@ -285,6 +288,15 @@ def test_a_speed_slows_the_row_and_changes_nothing_else(tmp_path: Path) -> None:
     slow = _one(tmp_path, "row: 14, at: [0, 0, 0], speed: 0.4").row
     assert slow.motion == replace(row.motion, speed_mps=0.4)
     assert replace(slow, motion=row.motion).__dict__ == row.__dict__
+
+
+def test_a_planner_is_the_only_one_of_the_row(tmp_path: Path) -> None:
+    """The row of the catalogue stays as it is."""
+    row = CATALOGUE.rows[14]
+    planned = _one(tmp_path, "row: 14, at: [0, 0, 0], planner: path_following").row
+    assert planned.planners == {"path_following": 1.0}
+    assert replace(planned, planners=row.planners).__dict__ == row.__dict__
+    assert set(row.planners) == {"dynamic_window", "social_force"}
 
 
 def test_the_example_shows_everything() -> None:
