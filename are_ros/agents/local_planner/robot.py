@@ -90,9 +90,7 @@ def robot_path(robot: RobotMotion | None, step_s: float) -> RobotPath:
 
 
 @borrowing
-def robot_disc(
-    robot: RobotPath, timing: PlannerTiming
-) -> tuple[float, float, float, float, float]:
+def robot_disc(robot: RobotPath, timing: PlannerTiming) -> tuple[float, float, float, float, float]:
     """Return the middle of the robot's corners (x, y), its velocity, and a radius about it."""
     later, corners = 1, robot.outlines.shape[1]
     x, y, ux, uy, radius = 0.0, 0.0, 0.0, 0.0, 0.0

@@ -408,7 +408,7 @@ def test_who_stands_in_the_robots_way_steps_aside(speed_mps: float, yaw_rad: flo
         robot = _towards(street.index, speed_mps)
         street.step(robot)
         least_m = min(least_m, float(signed_distance_m(robot.footprint, street.boxes()).min()))
-    assert 0.0 < least_m
+    assert least_m > 0.0
     assert street.pose(3)[:2].tolist() == list(places_m[3])
 
 
