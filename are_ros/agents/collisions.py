@@ -213,8 +213,8 @@ class RingSearch:
     """Finds the nearest safe place on rings 0.1 m apart, at 32 angles each, within `radius_m`.
 
     The order is fixed: from the inner ring outwards, on a ring counter-clockwise from the map's +x.
-    The heading is kept. Places at least `robot_clearance_m` away from the robots come first, so
-    that an artefact that makes way for a robot is not in its way again at once.
+    The heading is kept. Places at least `robot_clearance_m` away from where the robots are about to
+    be come first, so that an artefact that makes way for a robot is not in its way again at once.
     """
 
     def __init__(self, radius_m: float, robot_clearance_m: float = 0.0) -> None:
@@ -234,15 +234,17 @@ class RingSearch:
         others: OrientedBoxes,
         robots: Sequence[Footprint],
         environment: Environment,
+        ahead: Sequence[Footprint] = (),
     ) -> tuple[NDArray[np.float64], OrientedBoxes] | None:
         """Return the offset (2,) in metres and the box there, on the ground; None if none is safe.
 
         `box` is of length one. A place is safe if the box covers free cells only, hits no wall, and
-        overlaps none of the others and no robot.
+        overlaps none of the others and no robot. `ahead` are the areas that the robots will cover.
         """
-        padded = [robot.padded(self._robot_clearance_m) for robot in robots]
+        areas = (*robots, *ahead)
+        padded = [area.padded(self._robot_clearance_m) for area in areas]
         found = self._nearest(box, others, padded, environment)
-        if found is None and robots and self._robot_clearance_m > 0.0:
+        if found is None and areas:
             found = self._nearest(box, others, robots, environment)
         return found
 
@@ -355,13 +357,15 @@ class CollisionResolver:
         last_safe: OrientedBoxes,
         environment: Environment,
         robots: Sequence[Footprint],
+        ahead: Sequence[Footprint] = (),
     ) -> Resolution:
         """Return the poses of artefacts `ids` (N,), strictly ascending.
 
         `proposed` and `last_safe` are the boxes (N) at the two poses, on the ground, in the map
         frame; `last_safe` is where each was at the end of the last sub-step, or where it was
-        placed. `robots` are the footprints at their poses in the map frame. Raises ValueError where
-        ids do not ascend or lengths differ.
+        placed. `robots` are the footprints at their poses in the map frame, `ahead` the areas that
+        they are about to cover: an artefact is displaced there only if there is no other place.
+        Raises ValueError where ids do not ascend or lengths differ.
         """
         _check(ids, proposed, last_safe)
         depths = depths_m(robots, last_safe)
@@ -377,7 +381,7 @@ class CollisionResolver:
         remedies = _Remedies(proposed, last_safe, present)
         remedies.apply(
             np.column_stack((allowed, allowed_back)),
-            lambda box, others: self._search.nearest(box, others, robots, environment),
+            lambda box, others: self._search.nearest(box, others, robots, environment, ahead),
             self._search.radius_m,
         )
         return Resolution(remedies.outcomes, remedies.shifts_m, remedies.boxes(), contacts)

@@ -122,7 +122,7 @@ class CrowdSimulator:
         robot = self._robot_watch.see(robot_pose, now_ns) if robot_pose else None
 
         # Resolve (section 3.3): an agent keeps its new pose, is moved, or departs.
-        for agent_id, cause in self._resolve(now_ns, environment, robot_pose):
+        for agent_id, cause in self._resolve(now_ns, environment, robot):
             self._depart(agent_id, now_ns, cause)
 
         # Decide (section 3.2): agents that are due choose a goal, and the next part of the way.
@@ -198,7 +198,7 @@ class CrowdSimulator:
         self.events.append(ArtefactEvent(now_ns, kind, artefact.id, label, detail))
 
     def _resolve(
-        self, now_ns: int, environment: Environment, robot: RobotPose | None
+        self, now_ns: int, environment: Environment, robot: RobotMotion | None
     ) -> list[tuple[int, Cause]]:
         """Move all agents to their end poses, as the resolver allows; return those that leave.
 
@@ -210,8 +210,9 @@ class CrowdSimulator:
         tracks = table.tracks
         jumps = self._jump(now_ns, tracks) if tracks else []
         robots = [robot.footprint] if robot else []
+        ahead = [robot.swept] if robot else []
         resolution = self.resolver.resolve(
-            table.ids, table.end_boxes, table.boxes, environment, robots
+            table.ids, table.end_boxes, table.boxes, environment, robots, ahead
         )
         if tracks:
             resolution = resolution.with_tracks(np.array([row for row, _ in tracks]))

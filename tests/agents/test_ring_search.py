@@ -60,6 +60,28 @@ def test_others_and_robots_are_avoided() -> None:
     assert found[0][1] > 0.2
 
 
+def test_where_the_robot_is_about_to_be_is_avoided_if_there_is_another_place() -> None:
+    """Aside of its way, though ahead is nearer; ahead where walls leave no place aside."""
+    robot, ahead = (
+        Footprint.disc(0.3).at(4.6, 5.0, 0.0),
+        Footprint(np.array([[4.6, 5], [6, 5]]), 0.3),
+    )
+    search, nobody = RingSearch(0.7), OrientedBoxes.empty()
+    onward = search.nearest(_box(5.0, 5.0), nobody, (robot,), _environment())
+    aside = search.nearest(_box(5.0, 5.0), nobody, (robot,), _environment(), (ahead,))
+    assert onward is not None
+    assert aside is not None
+    assert onward[0] == pytest.approx([0.1, 0.0])
+    assert abs(aside[0][1]) >= 0.5 - 1e-9
+    cells = np.full((100, 100), OCCUPIED, np.int8)
+    cells[46:54] = 0
+    grid = OccupancyGrid(cells, 0.1, RigidTransform.identity(), "map")
+    aisle = Environment(grid, classify(grid, 65, 25), None, PlaneGround(0.5), 0.06)
+    pushed = search.nearest(_box(5.0, 5.0), nobody, (robot,), aisle, (ahead,))
+    assert pushed is not None
+    assert pushed[0] == pytest.approx([0.1, 0.0])
+
+
 def test_without_room_nothing_is_found() -> None:
     """All occupied within the radius, or a radius of zero: none."""
     environment = _environment((20, 80, OCCUPIED))

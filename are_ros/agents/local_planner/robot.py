@@ -55,6 +55,14 @@ class RobotMotion:
         y = centres_m[:, 1:] + sin * corners[:, 0] + cos * corners[:, 1]
         return np.stack((x, y), axis=-1)
 
+    @property
+    def swept(self) -> Footprint:
+        """The convex hull of where it will be until `PREDICTION_S`; where it is if it stands."""
+        if self.speed_mps == 0.0:
+            return self.footprint
+        outlines_m = self.outlines_m(0.25 * PREDICTION_S, 4)
+        return Footprint(outlines_m.reshape(-1, 2), self.footprint.radius_m)
+
     def _centres_m(self, times_s: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         """Return the base's places (K, 2) on its arc."""
         half = 0.5 * self.yaw_rate * times_s

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from are_ros.agents.local_planner.robot import RobotMotion
-from are_ros.world.footprint import Footprint
+from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.footprint import Footprint, signed_distance_m
 
 _SQUARE = Footprint(np.array([[-0.3, -0.2], [0.3, -0.2], [0.3, 0.2], [-0.3, 0.2]]))
 
@@ -31,3 +32,17 @@ def test_it_goes_on_along_its_arc() -> None:
         place += 1e-4 * 0.6 * np.array([math.cos(yaw), math.sin(yaw)])
     expected = _SQUARE.at(float(place[0]), float(place[1]), 0.9)
     assert motion.outlines_m(0.05, 20)[20] == pytest.approx(expected.vertices_m, abs=1e-6)
+
+
+def test_the_area_that_it_sweeps_holds_all_outlines() -> None:
+    """On an arc, too, but for what the chords of its quarters leave out; standing, it is itself."""
+    motion = RobotMotion(_SQUARE.at(1.0, 2.0, 0.5), 1.0, 2.0, 0.5, 0.8, -0.4, 0.6)
+    boxes_m = motion.outlines_m(0.05, 30).reshape(-1, 2)
+    points = OrientedBoxes(
+        np.column_stack((boxes_m, np.zeros(len(boxes_m)))),
+        np.zeros(len(boxes_m)),
+        np.full((len(boxes_m), 3), 1e-6),
+    )
+    assert signed_distance_m(motion.swept, points).max() < 0.03
+    still = RobotMotion(_SQUARE.at(1.0, 2.0, 0.5), 1.0, 2.0, 0.5, 0.0, 0.0, 0.6)
+    assert still.swept is still.footprint
