@@ -372,9 +372,11 @@ class DecisionLayer:
         pace, move = divmod(drawn(weights, state.policy_random.random()), _MOVES)
         pace += state.repertoire.paces.indices(len(prospect.values))[0]
         becomes = slipped(move, state.slip, state.policy_random.random())
-        if becomes == STAY != move:  # it fails: the agent turns there, and does not go
-            return _hesitating(request, self._navigation.result(request, prospect, pace, move))
-        result = self._navigation.result(request, prospect, pace, becomes)
+        if becomes not in {STAY, move}:
+            return self._navigation.slipped(request, prospect, pace, becomes)
+        result = self._navigation.result(request, prospect, pace, move)
+        if becomes != move:  # it fails: the agent turns there, and does not go
+            return _hesitating(request, result)
         return result._replace(waits=move == STAY)
 
     def send_out(self, row: int, now_ns: int) -> None:
