@@ -385,9 +385,11 @@ class DecisionLayer:
         pace, move = divmod(drawn(weights, state.policy_random.random()), _MOVES)
         pace += paces.indices(len(prospect.values))[0]
         becomes = slipped(move, state.slip, state.policy_random.random())
-        if becomes == STAY != move:  # it fails: the agent turns there, and does not go
-            return _hesitating(request, self._navigation.result(request, prospect, pace, move))
-        return self._navigation.result(request, prospect, pace, becomes)
+        if becomes not in {STAY, move}:
+            return self._navigation.slipped(request, prospect, pace, becomes)
+        result = self._navigation.result(request, prospect, pace, move)
+        # a move that fails: the agent turns there, and does not go
+        return result if becomes == move else _hesitating(request, result)
 
     def send_out(self, row: int, now_ns: int) -> None:
         """Send an agent whose life is over to an exit, from its next decision on."""

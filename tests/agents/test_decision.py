@@ -75,6 +75,12 @@ class Ways(Navigation):
             waits=self.is_crowded and request.is_patient,
         )
 
+    def slipped(
+        self, request: NavigationRequest, prospect: Prospect, pace: int, move: int
+    ) -> NavigationResult:
+        """Do the same: it says where to go in the same way."""
+        return self.result(request, prospect, pace, move)
+
     def sees(self, *_: Any) -> bool:
         """See everything."""
         return True

@@ -106,6 +106,11 @@ class Neighbour(NamedTuple):
         return self.x_m, self.y_m
 
     @property
+    def pose(self) -> tuple[float, float, float]:
+        """Its position [m] and yaw [rad]."""
+        return self.x_m, self.y_m, self.yaw_rad
+
+    @property
     def speed_mps(self) -> float:
         """Its speed [m/s]."""
         return math.hypot(self.vx_mps, self.vy_mps)

@@ -32,6 +32,7 @@ from are_ros.agents.navigation.step_kernels import (
     GoalArrays,
     Robot,
     prospect_of,
+    slipped_along,
     way_along,
 )
 from are_ros.agents.navigation.terrain import Terrain, Terrains
@@ -278,14 +279,26 @@ class Navigation:
         if kind is not Prospects.CHOOSES or prospect.active is None:
             is_there, is_lost = kind is Prospects.ARRIVED, kind is Prospects.NO_WAY
             return NavigationResult(_command(request, None), arrived=is_there, no_way=is_lost)
-        me, way_m = request.me, np.empty((_MOST_POINTS, 2))
-        pose = (me.x_m, me.y_m, me.yaw_rad)
+        pose, way_m = request.me.pose, np.empty((_MOST_POINTS, 2))
         count, x_m, y_m, is_end = way_along(*prospect.active.arrays, pose, (pace, move), way_m)
         way_m = way_m[:count]
         if move == 0 or count == 0:
             return NavigationResult(_command(request, None), waits=move == 0, way_m=way_m)
         command = _command(request, (x_m, y_m), speed_mps, stop_there=is_end)
         return NavigationResult(command, way_m=way_m)
+
+    def slipped(
+        self, request: NavigationRequest, prospect: Prospect, pace: int, move: int
+    ) -> NavigationResult:
+        """Return the motion command for a move that has slipped aside; without room it stands."""
+        if prospect.active is None:
+            return NavigationResult(_command(request, None))
+        pose = request.me.pose
+        has_room, x_m, y_m = slipped_along(*prospect.active.arrays, pose, (pace, move))
+        if not has_room:
+            return NavigationResult(_command(request, None))
+        command = _command(request, (x_m, y_m), request.speeds_mps[pace], stop_there=False)
+        return NavigationResult(command, way_m=np.array([(x_m, y_m)]))
 
     def _around(self, robot: RobotView | None) -> Robot:
         """Return the robot as kernels take it, at its present speed along its expected path."""

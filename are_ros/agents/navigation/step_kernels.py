@@ -18,7 +18,7 @@ from are_ros.agents.mdp.routes import (
 )
 from are_ros.agents.navigation.ground import Ground, cell_of, fine_cell, heading_of
 from are_ros.agents.navigation.local_way import way_round
-from are_ros.agents.navigation.terrain import farthest, rolls
+from are_ros.agents.navigation.terrain import cell_centre, farthest, rolls
 from are_ros.agents.neighbours import Cells, find_near
 
 Floats = npt.NDArray[np.float64]
@@ -228,6 +228,35 @@ def way_along(
         return count, x_m, y_m, x_m == going.end_m[0] and y_m == going.end_m[1]
     is_end = way_m[aim, 0] == going.end_m[0] and way_m[aim, 1] == going.end_m[1]
     return count, way_m[aim, 0], way_m[aim, 1], is_end
+
+
+@compiled
+def slipped_along(
+    ground: GroundArrays,
+    value_arrays: ValueTuple,
+    ends: GoalSpecArrays,
+    pose: tuple[float, float, float],
+    action: tuple[int, int],
+) -> tuple[bool, float, float]:
+    """Return whether a move that has slipped aside has room, and the point that it leads to.
+
+    `pose` and `action` as in `way_along`, but not to stay. It leads on in its direction as far as
+    its pace reaches, or to where the move ends if walls are in between. The way on from there does
+    not count: a person would cut the corner, and hardly leave the way from which it slips.
+    """
+    floor, values, going = Ground(*ground), ValueArrays(*value_arrays), GoalSpec(*ends)
+    (row, col, _), here_m, direction = _state_of(floor, values, pose), pose[:2], action[1] - 1
+    reach = int(values.paces[action[0], 0])
+    length = min(reach, int(values.lengths[direction, row, col]))
+    if length == 0:
+        return False, here_m[0], here_m[1]
+    rows, cols, lattice = ROW_STEPS[direction], COL_STEPS[direction], floor.lattice
+    start, cells = fine_cell(lattice, here_m), reach * floor.side
+    point_m = cell_centre(lattice, start[0] + cells * rows, start[1] + cells * cols)
+    if rolls(floor.clearance_m, lattice, here_m, point_m, going.radius_m):
+        return True, point_m[0], point_m[1]
+    row, col = row + values.corner[0] + length * rows, col + values.corner[1] + length * cols
+    return True, floor.anchors_m[row, col, 0], floor.anchors_m[row, col, 1]
 
 
 @borrowing

@@ -7,6 +7,7 @@ from are_ros.agents.behaviours.situation import Intent, Point, Situation, stand
 DIARY = "tests.agents.behaviours.diary:Diary"
 STROLLER = "tests.agents.behaviours.diary:Stroller"
 MARCHER = "tests.agents.behaviours.diary:Marcher"
+EASTBOUND = "tests.agents.behaviours.diary:Eastbound"
 ENTRIES: list[tuple[int, int, float]] = []
 """Time [ns], id and a random number of each decision, to be cleared by the test that reads it."""
 
@@ -53,3 +54,13 @@ class Marcher:
     def decide(self, situation: Situation) -> Intent:
         """Go there."""
         return Intent((8.0, 4.0), situation.row.motion.speed_mps, activity="marching")
+
+
+class Eastbound:
+    """Goes east to x = 40 m, in a lane of its own: 6 m from one id to the next."""
+
+    name: ClassVar[str] = "eastbound"
+
+    def decide(self, situation: Situation) -> Intent:
+        """Go there."""
+        return Intent((40.0, 6.0 * (situation.me.id + 1)), situation.row.motion.speed_mps)

@@ -451,6 +451,22 @@ def test_the_robot_is_expected_along_its_plan() -> None:
         assert result((8.5, 5.0), (3.4, 5.0, 0.0), robot=robot, row=SHY).waits == waits
 
 
+@pytest.mark.parametrize(
+    ("y_m", "subgoal_m"), [(5.0, (2.025, 6.025)), (8.8, (2.225, 9.125)), (9.6, None)]
+)
+def test_a_slipped_move_leads_straight_aside(y_m: float, subgoal_m: Point | None) -> None:
+    """As far as the pace reaches; else to the end of the move, or nowhere without room."""
+    ways, view = navigation(), view_of((2.0, y_m, 0.0))
+    request = NavigationRequest(state(), me_in(view), Intent((8.5, 5.0), 1.2), SPEEDS_MPS)
+    (prospect,) = ways.prospects([request], view, None)
+    found = ways.slipped(request, prospect, 0, 2)
+    assert found.command.subgoal_m == pytest.approx(subgoal_m)
+    assert not found.waits
+    if subgoal_m is not None:
+        assert found.command.speed_mps == 1.2
+        assert found.way_m.tolist() == [list(found.command.subgoal_m or ())]
+
+
 # --- many at once
 
 
