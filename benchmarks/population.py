@@ -4,8 +4,8 @@ Ours: 0.1 s, two sub-steps, of all that happens to the artefacts: arrivals, depa
 (the behaviours of the shipped people but standing, on a map of rooms), planning, motion,
 collisions; no perception, no messages. The map has rooms of 12 m with doors of 2 m and pillars of
 0.4 m, in cells of 0.1 m, and 12 m^2 of free ground for each one alive. Lives are 60 s long in the
-mean. Some pause or stand talking, so there are more alive than the number of a row, such that
-about that number move in a sub-step.
+mean, and end where one is. Some stop, pause or stand talking, so there are more alive than the
+number of a row, such that about that number move in a sub-step.
 
 pyrvo (ORCA) has as many agents as have moved here in the warm-up, one for 12 m^2 too, in discs of
 the mean size of our people, at their speed, each with goals within 15 m of itself; a time step of
@@ -43,12 +43,10 @@ from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 
 SIZES = (100, 300, 1_000, 3_000, 10_000)
-MOVING_SHARE = 0.905
-"""Of those alive, how many move in a sub-step, as measured; the rest pauses, waits or talks."""
+MOVING_SHARE = 0.73
+"""Of those alive, how many move in a sub-step, as measured; the rest stops, pauses or talks."""
 AREA_OF_ONE_M2 = 12.0
 MEAN_LIFE_S = 60.0
-LEAVING_S = 5.5
-"""So long, in the mean, one whose life is over walks to an exit, as measured."""
 WARM_UP_S = 15.0
 MEASURED_S = 10.0
 TICK_NS = NS_PER_S // 10
@@ -135,7 +133,7 @@ class Town:
         """Let them arrive sixty times as fast until they are so many."""
         while len(self.lives.population.living) < alive:
             self.tick()
-        rate = 1.0 / (AREA_OF_ONE_M2 * (MEAN_LIFE_S + LEAVING_S))
+        rate = 1.0 / (AREA_OF_ONE_M2 * MEAN_LIFE_S)
         parameters = with_values(self._parameters, {"population.arrival_rate": rate})
         self.lives.reconfigure(parameters, assembly.collision_resolver(parameters), self.now_ns)
 

@@ -9,7 +9,7 @@ chosen more often because it has more moves: for T to infinity the shares are th
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
-from itertools import accumulate
+from itertools import accumulate, compress
 from typing import Final
 
 STAY: Final = 0
@@ -43,8 +43,7 @@ def boltzmann(prior: Sequence[float], values: Sequence[float], temperature: floa
     At a temperature of 0 these are 0 but for those with the best value that the prior allows, which
     keep the proportion of the prior.
     """
-    pairs = list(zip(prior, values, strict=True))
-    best = max(value for share, value in pairs if share > 0.0)
+    best, pairs = max(compress(values, prior)), zip(prior, values, strict=True)
     if temperature > 0.0:
         return [share * math.exp(min(value - best, 0.0) / temperature) for share, value in pairs]
     return [share if value >= best - _TIE else 0.0 for share, value in pairs]
