@@ -42,7 +42,7 @@ PROJECT = Path(__file__).resolve().parents[1]
 MAP = PROJECT / "bags" / "sample_office_map.yaml"
 WIDTH_IN = 8.6
 TOP_IN, TITLE_IN, FOOT_IN, LEFT_IN, GAP_IN = 0.35, 0.3, 0.35, 0.4, 0.4
-TEMPERATURES = {"T = 0.02": 0.02, "T = 0.05": 0.05, "T = 0.5": 0.5, "T infinite": 1e9}
+TEMPERATURES = {"T = 0.01": 0.01, "T = 0.025": 0.025, "T = 0.25": 0.25, "T infinite": 1e9}
 SLIPS = {"slip 0": 0.0, "slip 0.3": 0.3}
 
 

@@ -272,7 +272,7 @@ class DecisionLayer:
                 continue
             prospect, advantages = known.get(row), [0.0] * len(repertoire)
             if prospect is not None and prospect.kind is Prospects.CHOOSES:
-                advantages = repertoire.advantages(prospect.values)
+                advantages = repertoire.advantages(prospect.values, prospect.rest)
             values = [
                 self._settings.decision_period * reward + advantage
                 for reward, advantage in zip(rewards, advantages, strict=True)
@@ -342,7 +342,7 @@ class DecisionLayer:
         """Return whether an agent has to set out for its exit now."""
         if prospect.kind is Prospects.CHOOSES:
             price = request.state.profile.row.rewards.time
-            loss = prospect.value - float(prospect.values[0, STAY]) - price
+            loss = prospect.value - prospect.rest - float(prospect.values[0, STAY]) - price
             return loss > _NO_LOSS * price
         return (request.left_s or 0.0) <= self._settings.decision_period + _NEAR_EXIT_S
 

@@ -324,7 +324,7 @@ class BehaviourParameters:
         high=1.0,
     )
     temperature: float = parameter(
-        0.05,
+        0.025,
         "Temperature T of the policy: 0 takes the best action; the higher, the more the shares of "
         "the catalogue decide. A second of a person's time is worth 0.2.",
         low=0.0,

@@ -30,9 +30,8 @@ NO_PLAN = np.empty((0, 2))
 class Lanes:
     """A hall of lanes, 6 m apart; in each a walker goes east from x = 10 m, 30 m at most."""
 
-    def __init__(self) -> None:
-        values = {"behaviour.slip": SLIP, "behaviour.temperature": 0.0, "seed": 3}
-        parameters = with_values(Parameters(), values)
+    def __init__(self, **values: float) -> None:
+        parameters = with_values(Parameters(), {"seed": 3, **values})
         resolver = assembly.collision_resolver(parameters)
         self._crowd = CrowdSimulator(parameters, "robot", resolver, Terrains(), lambda *_: None)
         self._environment = environment_of(hall(50.0, 6.0 * (LANES + 1)))
@@ -81,7 +80,8 @@ def test_walkers_really_slip_by_the_law(
 
     From a stand by where they are after the epoch, and while they walk by their velocity then.
     """
-    chosen, lanes, found = list[int](), Lanes(), Counter[int]()
+    chosen, found = list[int](), Counter[int]()
+    lanes = Lanes(**{"behaviour.slip": SLIP, "behaviour.temperature": 0.0})
 
     def note_chosen(move: int, slip: float, uniform: float) -> int:
         chosen.append(move)
@@ -101,3 +101,15 @@ def test_walkers_really_slip_by_the_law(
     assert set(found) == set(law)
     expected = [total * share for share in law.values()]
     assert stats.chisquare([found[way] for way in law], expected).pvalue > LEVEL
+
+
+def test_who_has_the_way_to_itself_hardly_ever_stops() -> None:
+    """At the temperature that is shipped, alone in its lane: giving way to nobody saves nothing."""
+    lanes, stood = Lanes(**{"behaviour.slip": 0.0}), 0
+    for epoch in range(60):
+        if epoch % 12 == 0:
+            lanes.go_home()
+            lanes.epoch()
+        _, going = lanes.epoch()
+        stood += going.count(FAILED)
+    assert stood < 0.03 * 60 * LANES

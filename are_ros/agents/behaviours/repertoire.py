@@ -96,15 +96,16 @@ class Repertoire:
             return slice(None)
         return slice(-1, None) if _pace_of(self.behaviour) else slice(0, 1)
 
-    def advantages(self, values: npt.NDArray[np.float64]) -> list[float]:
+    def advantages(self, values: npt.NDArray[np.float64], rest: float) -> list[float]:
         """Return by how much the best move of each behaviour is worse than the best of all (B,).
 
         `values` float64 (P, 5) are those of staying and of the four moves, at each speed of the
-        journey. Behaviours with goals of their own bring it no nearer to its end, as staying does.
+        journey; `rest` is what resting saves. Behaviours with goals of their own bring it no nearer
+        to its end, as resting does.
         """
         rows = values.tolist()
-        at_pace, stays = [max(row) for row in rows], rows[0][0]
-        value = max(at_pace)
+        at_pace, stays = [max(row) for row in rows], rows[0][0] + rest
+        value = max(*at_pace, stays)
         return [(stays if pace is None else at_pace[pace]) - value for pace in self._paces]
 
     @property

@@ -22,7 +22,7 @@ Point = tuple[float, float]
 """x and y in the map frame [m]."""
 
 
-WORTH: Final = 0.05
+WORTH: Final = 0.025
 """What a second of a behaviour is worth for which the situation speaks."""
 
 ARRIVE_WITHIN_M: Final = 0.4

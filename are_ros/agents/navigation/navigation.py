@@ -19,6 +19,7 @@ from are_ros.agents.behaviours.situation import Intent, Neighbour, Point, RobotV
 from are_ros.agents.local_planner.body import MotionCommand
 from are_ros.agents.mdp.coarse_map import CoarseMaps
 from are_ros.agents.mdp.model import TravelModel
+from are_ros.agents.mdp.policy import STAY
 from are_ros.agents.mdp.routes import AHEAD, best_action
 from are_ros.agents.mdp.value_tables import ValueTable, ValueTables
 from are_ros.agents.navigation.destinations import Destinations, ReachableDestinations
@@ -109,14 +110,16 @@ class Prospect(NamedTuple):
     """What the actions of an agent are worth at a decision.
 
     `values` float64 (P, 5) are Q of each pace and move: stay, east, north, west, south of the grid,
-    among the others. `value` is V of the state without them, `heading` its heading, 0 east to 3
-    south. All are there if it `CHOOSES`.
+    among the others. An agent that stays on its way gives way and does not rest; with a rest,
+    staying is worth `rest` more. `value` is V of the state without the others, `heading` its
+    heading, 0 east to 3 south. All are there if it `CHOOSES`.
     """
 
     kind: Prospects
     values: npt.NDArray[np.float64] = _NO_VALUES
     value: float = 0.0
     heading: int = 0
+    rest: float = 0.0
     active: ActiveGoal | None = None
 
     @property
@@ -263,7 +266,9 @@ class Navigation:
             plane = self._tables.plane(active.table, max(0, epochs - AHEAD))
             active = active.with_plane(plane)
             what, heading, value = look(*active.arrays)
-        return Prospect(_KINDS[what], values, value, heading, active)
+        rest = active.table.model.rest
+        values[:, STAY] -= rest
+        return Prospect(_KINDS[what], values, value, heading, rest, active)
 
     def result(
         self, request: NavigationRequest, prospect: Prospect, pace: int = 0, move: int = 0

@@ -71,10 +71,10 @@ def test_walking_out_is_there_only_for_those_who_leave_by_an_exit() -> None:
 
 
 def test_those_who_travel_share_a_journey_and_its_table() -> None:
-    """The advantage of each is that of its best action; the others get no further."""
+    """The advantage of each is that of its best action; the others get no further, but rest."""
     found = repertoire(TRAVELS, "walking")
-    values = np.array([[-0.3, -0.2, 0.1, -0.4, -0.5], [-0.3, 0.4, -0.2, -0.4, -0.6]])
-    told = dict(zip(found.names, found.advantages(values), strict=True))
+    values = np.array([[-0.5, -0.2, 0.1, -0.4, -0.5], [-0.5, 0.4, -0.2, -0.4, -0.6]])
+    told = dict(zip(found.names, found.advantages(values, 0.2), strict=True))
     expected = {"walking": -0.3, "running": 0.0, "stopping": -0.7, "following": -0.7}
     assert told == pytest.approx(expected)
 
