@@ -35,7 +35,7 @@ BAG: Final = PROJECT / "bags" / "sample_office.mcap"
 PARAMETERS: Final = PROJECT / "bags" / "sample_film.yaml"
 IN_COMPANY: Final = re.compile(r"talking|following artefact \d+")
 WAITING: Final = re.compile(r"waiting for artefact (\d+)")
-LATE_S, SHORTEST_S, SHORTEST_M = 15.0, 4.0, 3.0
+LATE_S, SHORTEST_S, SHORTEST_M = 15.0, 3.0, 2.5
 PAGE_PX: Final = (1280, 800)
 PAGE_AT: Final = 0.84
 """The share of the run after which the picture of the page is taken."""
