@@ -35,9 +35,10 @@ BAG: Final = PROJECT / "bags" / "sample_office.mcap"
 PARAMETERS: Final = PROJECT / "bags" / "sample_film.yaml"
 IN_COMPANY: Final = re.compile(r"talking|following artefact \d+")
 WAITING: Final = re.compile(r"waiting for artefact (\d+)")
-LATE_S, SHORTEST_S, SHORTEST_M = 15.0, 4.0, 3.0
+LATE_S, SHORTEST_S, SHORTEST_M = 15.0, 3.0, 2.5
 PAGE_PX: Final = (1280, 800)
-PAGE_AT: Final = 0.84
+NOTICE: Final = ".mantine-Notification-closeButton"
+PAGE_AT: Final = 0.37
 """The share of the run after which the picture of the page is taken."""
 
 
@@ -143,6 +144,7 @@ def write_page_picture(page: Path, picture: Path) -> None:
     with open_page(page.as_uri(), page.parent / "profile", *PAGE_PX) as shown:
         shown.wait(f"!!document.querySelector('{PAUSE}')")
         shown.run(f"document.querySelector('{PAUSE}').closest('button').click()")
+        shown.run(f"document.querySelectorAll('{NOTICE}').forEach(button => button.click())")
         go_to(shown, PAGE_AT)
         settled(shown)
         shown.picture(picture)

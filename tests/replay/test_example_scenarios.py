@@ -14,6 +14,7 @@ from are_ros.messages.maps import read_grid, read_points
 from are_ros.parameters.model import Parameters
 from are_ros.population.artefact import GroundPose, boxes_of
 from are_ros.population.scenario import Scenario, ScriptedArtefact
+from are_ros.replay.command import effective_parameters
 from are_ros.world.boxes import OrientedBoxes, overlaps_any
 from are_ros.world.environment import Environment
 from are_ros.world.transforms.tree import FrameTree
@@ -83,3 +84,11 @@ def test_tracks_run_through_nothing(path: Path, office: Environment) -> None:
         most_m = one.row.motion.speed_mps * PERIOD_NS / 1e9
         for before, after in pairwise(poses):
             assert np.hypot(after.x_m - before.x_m, after.y_m - before.y_m) < most_m
+
+
+def test_the_film_has_its_scenario() -> None:
+    """Its parameters name it by a path from their folder; the vehicle in it keeps its way."""
+    parameters = effective_parameters([ROOT / "bags" / "sample_film.yaml"], [], None)
+    scenario = _scenario(Path(parameters.population.scenario))
+    planners = [one.row.planners for one in scenario.artefacts if one.way_m]
+    assert planners == [{"path_following": 1.0}]
