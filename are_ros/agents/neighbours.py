@@ -55,20 +55,14 @@ class Neighbourhood:
         return points_m
 
 
-@compiled
 def nearest_of(points_m: _Floats, places_m: _Floats) -> _Indices:
     """Return the index of the nearest of places (K, 2), K > 0, for each point (M, 2): (M,).
 
     Of several at the same distance, it is the first.
     """
-    nearest = np.zeros(points_m.shape[0], np.int64)
-    for i in range(points_m.shape[0]):
-        least = np.inf
-        for k in range(places_m.shape[0]):
-            dx_m, dy_m = points_m[i, 0] - places_m[k, 0], points_m[i, 1] - places_m[k, 1]
-            square = dx_m * dx_m + dy_m * dy_m
-            if square < least:
-                least, nearest[i] = square, k
+    apart_m = points_m[:, None] - places_m
+    squares = apart_m[..., 0] * apart_m[..., 0] + apart_m[..., 1] * apart_m[..., 1]
+    nearest: _Indices = squares.argmin(axis=1)
     return nearest
 
 

@@ -225,7 +225,7 @@ def test_a_robot_that_drives_into_a_walker(policy: str) -> None:
     record = Record({}, [])
     for k in range(1, 100):
         t_s = 0.05 * k
-        town.robot(t_s, min(1.0 + 1.0 * t_s, 4.5), 4.0)
+        town.robot(t_s, min(1.0 + 3.0 * t_s, 4.5), 4.0)  # too fast to step aside
         town.builder.advance(town.ns(t_s))
         record.look(town.lives, town.ns(t_s) - STEP_NS, town.ns(t_s))
         record.events += town.lives.take_events()
@@ -236,7 +236,8 @@ def test_a_robot_that_drives_into_a_walker(policy: str) -> None:
     for jump in jumps:
         before = record.moments[jump.stamp_ns - STEP_NS][walker][0]
         after = record.moments[jump.stamp_ns][walker][0]
-        assert jump.value == pytest.approx(math.dist(before[:2], after[:2]))
+        stepped_m = 1.8 * 0.05  # aside, in the same sub-step
+        assert jump.value == pytest.approx(math.dist(before[:2], after[:2]), abs=stepped_m)
 
 
 def test_a_displaced_walker_jumps_and_walks_on() -> None:
