@@ -152,7 +152,7 @@ def scratch_of(paces: int) -> tuple[Moves, Moves]:
 def find_others(crowd: Crowd, robot: Robot, me: int, is_patient: bool, going: GoalSpec) -> Floats:
     """Return where others are in each epoch ahead, (AHEAD, M, 5), as `action_values` takes them.
 
-    The robot comes last. Who is not patient minds nobody.
+    The robot comes last. An agent that is not patient minds nobody.
     """
     size, near, count = crowd.poses.shape[0], 0, 0
     found, squares = np.empty(size, np.int64), np.empty(size)
