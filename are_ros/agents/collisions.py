@@ -244,7 +244,8 @@ class RingSearch:
         areas = (*robots, *ahead)
         padded = [area.padded(self._robot_clearance_m) for area in areas]
         found = self._nearest(box, others, padded, environment)
-        if found is None and areas:
+        is_choosy = ahead or (robots and self._robot_clearance_m > 0.0)
+        if found is None and is_choosy:
             found = self._nearest(box, others, robots, environment)
         return found
 
@@ -357,7 +358,7 @@ class CollisionResolver:
         last_safe: OrientedBoxes,
         environment: Environment,
         robots: Sequence[Footprint],
-        ahead: Sequence[Footprint] = (),
+        ahead: Callable[[], Sequence[Footprint]] = tuple,
     ) -> Resolution:
         """Return the poses of artefacts `ids` (N,), strictly ascending.
 
@@ -365,7 +366,8 @@ class CollisionResolver:
         frame; `last_safe` is where each was at the end of the last sub-step, or where it was
         placed. `robots` are the footprints at their poses in the map frame, `ahead` the areas that
         they are about to cover: an artefact is displaced there only if there is no other place.
-        Raises ValueError where ids do not ascend or lengths differ.
+        `ahead` is called only for a displacement. Raises ValueError where ids do not ascend or
+        lengths differ.
         """
         _check(ids, proposed, last_safe)
         depths = depths_m(robots, last_safe)
@@ -381,7 +383,7 @@ class CollisionResolver:
         remedies = _Remedies(proposed, last_safe, present)
         remedies.apply(
             np.column_stack((allowed, allowed_back)),
-            lambda box, others: self._search.nearest(box, others, robots, environment, ahead),
+            lambda box, others: self._search.nearest(box, others, robots, environment, ahead()),
             self._search.radius_m,
         )
         return Resolution(remedies.outcomes, remedies.shifts_m, remedies.boxes(), contacts)

@@ -210,9 +210,13 @@ class CrowdSimulator:
         tracks = table.tracks
         jumps = self._jump(now_ns, tracks) if tracks else []
         robots = [robot.footprint] if robot else []
-        ahead = [robot.swept] if robot else []
         resolution = self.resolver.resolve(
-            table.ids, table.end_boxes, table.boxes, environment, robots, ahead
+            table.ids,
+            table.end_boxes,
+            table.boxes,
+            environment,
+            robots,
+            lambda: [robot.swept] if robot else [],
         )
         if tracks:
             resolution = resolution.with_tracks(np.array([row for row, _ in tracks]))

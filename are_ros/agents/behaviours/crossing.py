@@ -8,9 +8,9 @@ import numpy.typing as npt
 
 from are_ros.agents.behaviours.situation import (
     WORTH,
+    ExpectedPath,
     Intent,
     Point,
-    RobotPath,
     RobotView,
     Situation,
     stand,
@@ -34,9 +34,9 @@ _ASIDE_NS = 6 * NS_PER_S
 class Crossing:
     """Crosses the path of the robot in front of it, pauses on the other side, and comes back.
 
-    The path is a `RobotPath`. The artefact crosses as near in front of the robot as it can while it
-    gets there a second earlier. If the robot is far away (12 m) or walls are in between, it walks
-    to the destination nearest to the robot's path; without a robot it walks to any destination.
+    The path is an `ExpectedPath`. The artefact crosses as near in front of the robot as it can
+    while it gets there a second earlier. If the robot is far away (12 m) or walls are in between,
+    it walks to the destination nearest to the robot's path; without a robot to any destination.
     """
 
     name: ClassVar[str] = "crossing"
@@ -86,7 +86,7 @@ class Crossing:
             robot_comfort_m=_ROBOT_COMFORT_M,
         )
 
-    def _is_over(self, path: RobotPath, situation: Situation) -> bool:
+    def _is_over(self, path: ExpectedPath, situation: Situation) -> bool:
         """Return whether the crossing is over: the robot has passed or turned, or it is blocked."""
         apart_m = path.distance_m(self._middle_m, _NEAR_M)
         under_way_s = (situation.now_ns - self._begun_ns) / NS_PER_S
@@ -97,7 +97,7 @@ class Crossing:
             self._walk.change_destination()
         return is_stuck or apart_m > _OFF_PATH_M
 
-    def _choose_goal(self, path: RobotPath, robot: RobotView, situation: Situation) -> None:
+    def _choose_goal(self, path: ExpectedPath, robot: RobotView, situation: Situation) -> None:
         """Set the goal to a visible point across the path, or to None."""
         self._goal_m = None
         if situation.distance_m(robot.point_m) > _NEAR_M:

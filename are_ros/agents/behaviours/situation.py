@@ -137,9 +137,9 @@ class RobotView:
         return self.x_m, self.y_m
 
     @cached_property
-    def path(self) -> "RobotPath":
+    def path(self) -> "ExpectedPath":
         """Its expected path."""
-        return RobotPath(self)
+        return ExpectedPath(self)
 
     @property
     def speed_mps(self) -> float:
@@ -153,7 +153,7 @@ _FAR_M = 1000.0
 _SAMPLE_M = 0.25
 
 
-class RobotPath:
+class ExpectedPath:
     """The expected path of the robot from its position: along its plan, then straight on.
 
     A plan that passes more than 1.5 m from the robot is outdated. With an outdated plan or none,

@@ -128,11 +128,9 @@ class LocalPlanner:
         return poses[:, :3], moved
 
     def _all_stand(self, robot: RobotMotion | None) -> bool:
-        """Return whether no agent moves, has a sub-goal or is pushed: then there is no planning.
+        """Return whether no agent moves, has a sub-goal, is pushed, or may make way for the robot.
 
-        Nor can any make way for the robot.
-
-        So a replay without motion compiles none of the planner's kernels.
+        Then there is no planning, and a replay without motion compiles none of its kernels.
         """
         arrays, now = self._table.arrays, self._table.now
         place = arrays.place

@@ -267,7 +267,8 @@ class Navigation:
             active = active.with_plane(plane)
             what, heading, value = look(*active.arrays)
         rest = active.table.model.rest
-        values[:, STAY] -= rest
+        if what == CHOOSES:
+            values[:, STAY] -= rest
         return Prospect(_KINDS[what], values, value, heading, rest, active)
 
     def result(
@@ -296,14 +297,13 @@ class Navigation:
         self, request: NavigationRequest, prospect: Prospect, pace: int, move: int
     ) -> NavigationResult:
         """Return the motion command for a move that has slipped aside; without room it stands."""
-        if prospect.active is None:
-            return NavigationResult(_command(request, None))
-        pose = request.me.pose
-        has_room, x_m, y_m = slipped_along(*prospect.active.arrays, pose, (pace, move))
-        if not has_room:
-            return NavigationResult(_command(request, None))
-        command = _command(request, (x_m, y_m), request.speeds_mps[pace], stop_there=False)
-        return NavigationResult(command, way_m=np.array([(x_m, y_m)]))
+        if prospect.active is not None:
+            arrays, pose = prospect.active.arrays, request.me.pose
+            has_room, x_m, y_m = slipped_along(*arrays, pose, (pace, move))
+            if has_room:
+                command = _command(request, (x_m, y_m), request.speeds_mps[pace], stop_there=False)
+                return NavigationResult(command, way_m=np.array([(x_m, y_m)]))
+        return NavigationResult(_command(request, None))
 
     def _around(self, robot: RobotView | None) -> Robot:
         """Return the robot as kernels take it, at its present speed along its expected path."""
