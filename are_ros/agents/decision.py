@@ -417,7 +417,10 @@ class DecisionLayer:
         """Return what each of these agents, given by row, knows at its decision."""
         rows, situations = list(deciding), list[Situation]()
         for (row, state), me, (kind, other_id, since_s) in zip(
-            deciding.items(), view.neighbours(rows), self._planner.obstructions(rows), strict=True
+            deciding.items(),
+            map(view.neighbour_at, rows),
+            self._planner.obstructions(rows),
+            strict=True,
         ):
             agent = self._table.artefacts[row]
             state.note_place(me.point_m, now_ns)

@@ -46,14 +46,6 @@ class Neighbourhood:
         """
         return _near(self.cells, x_m, y_m, radius_m)
 
-    def points_within(
-        self, x_m: float, y_m: float, radius_m: float, ids: _Indices, but_id: int
-    ) -> _Floats:
-        """Return the points (M, 2) that `within` finds, but for that of one; `ids` (N,) tell."""
-        found = self.within(x_m, y_m, radius_m)
-        points_m: _Floats = self.cells[0][found[ids[found] != but_id]]
-        return points_m
-
 
 def nearest_of(points_m: _Floats, places_m: _Floats) -> _Indices:
     """Return the index of the nearest of places (K, 2), K > 0, for each point (M, 2): (M,).

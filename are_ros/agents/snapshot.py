@@ -1,15 +1,16 @@
 """All agents as the others see them at the end of one sub-step: poses, speeds, neighbours."""
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros.agents.behaviours.situation import Neighbour
+from are_ros.agents.navigation.destinations import Destinations
 from are_ros.agents.navigation.step_kernels import CrowdArrays
-from are_ros.agents.neighbours import Neighbourhood
+from are_ros.agents.neighbours import Neighbourhood, nearest_of
 from are_ros.population.artefact import Artefact
 
 _Floats = npt.NDArray[np.float64]
@@ -41,26 +42,34 @@ class AgentSnapshot:
         self._sees, self._doing = sees, doing
         self._neighbours: dict[int, Neighbour] = {}
         self._groups: dict[tuple[str, ...], _Group] = {}
+        self._nearest: dict[tuple[Neighbourhood, Destinations], npt.NDArray[np.int64]] = {}
 
     def neighbour(self, artefact_id: int) -> Neighbour | None:
         """Return an artefact that is alive, None if it is not."""
         index = self.index_of(artefact_id)
         if index == len(self._ids) or self._ids[index] != artefact_id:
             return None
-        return self.neighbours([index])[0]
+        return self.neighbour_at(index)
 
-    def points_within(
+    def places_within(
         self,
-        x_m: float,
-        y_m: float,
+        me: Neighbour,
         radius_m: float,
         behaviour: str,
         activities: Collection[str],
-        but_id: int,
-    ) -> npt.NDArray[np.float64]:
-        """Return the positions (M, 2) of what `within` returns, except one id."""
+        places: Destinations,
+    ) -> Sequence[int]:
+        """Return the index of the destination nearest to each of the others within a radius.
+
+        They come in the order of `within`; there is at least one destination.
+        """
         _, ids, group = self._group(behaviour, activities)
-        return group.points_within(x_m, y_m, radius_m, ids, but_id)
+        found = group.within(me.x_m, me.y_m, radius_m)
+        found = found[ids[found] != me.id]
+        if not len(found):
+            return ()
+        nearest: list[int] = self._nearest_places(group, places)[found].tolist()
+        return nearest
 
     def index_of(self, artefact_id: int) -> int:
         """Return the index of an artefact that is in the arrays."""
@@ -71,16 +80,14 @@ class AgentSnapshot:
         indices: list[int] = self._ids.searchsorted(artefact_ids).tolist()
         return indices
 
-    def neighbours(self, indices: Sequence[int]) -> list[Neighbour]:
-        """Return the artefacts at some indices as neighbours; each is constructed once."""
-        neighbours = self._neighbours
-        new = [i for i in indices if i not in neighbours]
-        if new:
-            poses, speeds_mps = self._poses[new].tolist(), self._speeds_mps[new].tolist()
-            artefacts, radii_m = [self._artefacts[i] for i in new], self._radii_m[new].tolist()
-            found = map(_neighbour, artefacts, poses, speeds_mps, radii_m)
-            neighbours.update(zip(new, found, strict=True))
-        return [neighbours[i] for i in indices]
+    def neighbour_at(self, index: int) -> Neighbour:
+        """Return the artefact at an index as a neighbour, which is constructed once."""
+        neighbour = self._neighbours.get(index)
+        if neighbour is None:
+            numbers = [column[index] for column in self._columns]
+            neighbour = _neighbour(self._artefacts[index], *numbers)
+            self._neighbours[index] = neighbour
+        return neighbour
 
     def within(
         self,
@@ -89,19 +96,19 @@ class AgentSnapshot:
         radius_m: float,
         behaviour: str = "",
         activities: Collection[str] = (),
-    ) -> Sequence[Neighbour]:
-        """Return the artefacts whose (x, y) is within a radius of a point, the nearest first.
+    ) -> Iterable[Neighbour]:
+        """Yield the artefacts whose (x, y) is within a radius of a point, the nearest first.
 
         With `behaviour` and `activities`, only those with that behaviour and one of the activities.
         """
         if behaviour:
             indices, _, group = self._group(behaviour, activities)
             chosen: list[int] = indices[group.within(x_m, y_m, radius_m)].tolist()
-            return self.neighbours(chosen)
+            return map(self.neighbour_at, chosen)
         near: list[int] = self._neighbourhood.within(x_m, y_m, radius_m).tolist()
         if activities:
             near = [i for i in near if self._artefacts[i].activity in activities]
-        return self.neighbours(near)
+        return map(self.neighbour_at, near)
 
     def sees(self, me: Neighbour, x_m: float, y_m: float) -> bool:
         """Return whether walls leave this artefact a straight way to a point."""
@@ -112,6 +119,12 @@ class AgentSnapshot:
         """All artefacts, as `prospect_of` takes them."""
         cells = self._neighbourhood.cells
         return (*cells, self._poses, self._ahead_m, self._radii_m)
+
+    @cached_property
+    def _columns(self) -> list[list[float]]:
+        """Plain numbers: x, y [m], yaw [rad], speeds [m/s] and radii [m]."""
+        x_m, y_m, _, yaw_rad = self._poses.T
+        return [one.tolist() for one in (x_m, y_m, yaw_rad, self._speeds_mps, self._radii_m)]
 
     @cached_property
     def _neighbourhood(self) -> Neighbourhood:
@@ -129,12 +142,19 @@ class AgentSnapshot:
             self._groups[key] = indices, self._ids[indices], Neighbourhood(points_m)
         return self._groups[key]
 
+    def _nearest_places(self, group: Neighbourhood, places: Destinations) -> npt.NDArray[np.int64]:
+        """Return the index of the destination nearest to each of a group; they are found once."""
+        key = group, places
+        if key not in self._nearest:
+            self._nearest[key] = nearest_of(group.cells[0], places.destinations_m)
+        return self._nearest[key]
+
 
 def _neighbour(
-    artefact: Artefact, pose: list[float], speed_mps: float, radius_m: float
+    artefact: Artefact, x_m: float, y_m: float, yaw_rad: float, speed_mps: float, radius_m: float
 ) -> Neighbour:
-    """Return an artefact as others see it, at a pose x, y, z, yaw."""
-    (x_m, y_m, _, yaw_rad), row = pose, artefact.row
+    """Return an artefact as others see it."""
+    row = artefact.row
     return Neighbour(
         artefact.id,
         row.class_name,

@@ -51,15 +51,3 @@ def test_the_nearest_place_is_the_first_of_the_nearest() -> None:
         points_m, places_m = (rng.integers(-4, 5, (n, 2)).astype(np.float64) for n in (30, count))
         away_m = np.hypot(*np.moveaxis(points_m[:, None] - places_m, 2, 0))
         np.testing.assert_array_equal(nearest_of(points_m, places_m), away_m.argmin(axis=1))
-
-
-@given(st.integers(0, 2**16), st.integers(1, 40), st.floats(0.0, 30.0))
-def test_the_points_of_those_near_but_for_one(seed: int, count: int, radius_m: float) -> None:
-    """They are those of whom is found near, in that order, without the one that asks."""
-    points_m = np.random.default_rng(seed).uniform(-10.0, 10.0, (count, 2))
-    ids = 3 * np.arange(count) + 5
-    but_id = int(ids[seed % count]) if seed % 3 else 4
-    near = Neighbourhood(points_m)
-    found = near.points_within(1.0, -2.0, radius_m, ids, but_id)
-    expected = [i for i in slow(points_m, 1.0, -2.0, radius_m) if ids[i] != but_id]
-    assert found.tolist() == points_m[expected].tolist()

@@ -6,8 +6,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from are_ros.agents.behaviours.open_view import OpenView
 from are_ros.agents.behaviours.situation import Neighbour
 from are_ros.agents.mdp.routes import AHEAD
+from are_ros.agents.navigation.destinations import Destinations
 from are_ros.agents.navigation.step_kernels import (
     FADE_M,
     MINDED_M,
@@ -81,14 +83,31 @@ def test_who_does_not_live_is_nobody() -> None:
     assert [view.neighbour(i) for i in (0, 4, 99)] == [None] * 3
 
 
-def test_many_are_the_same_as_one_by_one() -> None:
+def test_by_index_is_the_same_as_by_id() -> None:
     """Before those about them were asked for, and afterwards."""
     (view, living, _), (other, others, _) = crowd(20), crowd(20)
     some = list(living)[4:15:3]
-    assert view.neighbours(list(range(4, 15, 3))) == [other.neighbour(i) for i in some]
-    view.within(0.0, 0.0, 7.0)
-    assert view.neighbours(list(range(20))) == [other.neighbour(i) for i in others]
-    assert view.neighbours([]) == []
+    assert [view.neighbour_at(i) for i in range(4, 15, 3)] == [other.neighbour(i) for i in some]
+    assert list(view.within(0.0, 0.0, 7.0))
+    assert [view.neighbour_at(i) for i in range(20)] == [other.neighbour(i) for i in others]
+
+
+@pytest.mark.parametrize("radius_m", [0.01, 12.0, 30.0])
+def test_the_destinations_nearest_to_those_near(radius_m: float) -> None:
+    """One for each of them, in their order, as by hand; not for the one that asks."""
+    view, living, _ = crowd(40)
+    for k, one in enumerate(living.values()):
+        one.behaviour = ("walking", "gathering")[k % 2]
+        one.activity = ("", "waiting", "talking")[k % 3]
+    some_m, others_m = np.random.default_rng(3).uniform(-12.0, 12.0, (2, 9, 2))
+    hosts, me, count = ("gathering", ("waiting", "talking")), view.neighbour_at(1), 0
+    by_hand = OpenView([view.neighbour_at(i) for i in range(40)])
+    for points_m in (some_m, others_m, some_m):
+        places = Destinations(points_m.copy(), np.empty((0, 2)))
+        found = view.places_within(me, radius_m, *hosts, places)
+        assert list(found) == by_hand.places_within(me, radius_m, *hosts, places)
+        count += len(found)
+    assert (count > 0) == (radius_m > 1.0)
 
 
 @pytest.mark.parametrize("radius_m", [0.0, 2.0, 7.0, 50.0])
@@ -107,13 +126,13 @@ def test_who_is_near_can_be_asked_for_by_what_it_does() -> None:
     for k, one in enumerate(living.values()):
         one.behaviour = ("walking", "gathering")[k % 2]
         one.activity = ("", "waiting", "talking")[k % 3]
-    everybody = view.within(0.0, 0.0, 9.0)
-    gathering = view.within(0.0, 0.0, 9.0, "gathering")
+    everybody = list(view.within(0.0, 0.0, 9.0))
+    gathering = list(view.within(0.0, 0.0, 9.0, "gathering"))
     assert gathering == [f for f in everybody if f.behaviour == "gathering"]
-    hosts = view.within(0.0, 0.0, 9.0, "gathering", ("waiting", "talking"))
+    hosts = list(view.within(0.0, 0.0, 9.0, "gathering", ("waiting", "talking")))
     assert hosts == [f for f in gathering if f.activity]
     assert 0 < len(hosts) < len(gathering) < len(everybody)
-    talking = view.within(0.0, 0.0, 9.0, activities=("talking",))
+    talking = list(view.within(0.0, 0.0, 9.0, activities=("talking",)))
     assert talking == [f for f in everybody if f.activity == "talking"]
 
 

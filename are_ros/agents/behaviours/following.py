@@ -55,8 +55,7 @@ class Following:
         """Return what following is worth: something with a leader, nothing without one near."""
         if self._leader_id is not None and situation.neighbour(self._leader_id) is not None:
             return WORTH
-        near = situation.neighbours_within(_NOTICED_WITHIN_M)
-        return WORTH if any(self._may_lead(one, situation) for one in near) else -WORTH
+        return WORTH if self._leader_within(_NOTICED_WITHIN_M, situation) else -WORTH
 
     def decide(self, situation: Situation) -> Intent:
         """Return the intent to follow the leader, to wait behind it, or to walk."""
@@ -79,8 +78,7 @@ class Following:
                 self._left_id, self._left_ns = self._leader_id, situation.now_ns
                 self._leader_id = leader = None
         if leader is None:
-            found = situation.neighbours_within(_LOOKED_FOR_WITHIN_M)
-            leader = next((f for f in found if self._may_lead(f, situation)), None)
+            leader = self._leader_within(_LOOKED_FOR_WITHIN_M, situation)
             if leader is not None:
                 self._begin(leader, situation)
         return leader
@@ -91,6 +89,10 @@ class Following:
         if leader is not None and self._leader_id is None:
             self._begin(leader, situation)
         return leader
+
+    def _leader_within(self, radius_m: float, situation: Situation) -> Neighbour | None:
+        """Return the nearest artefact within a radius that may lead, None if none may."""
+        return situation.nearest(radius_m, lambda one: self._may_lead(one, situation))
 
     def _may_lead(self, neighbour: Neighbour, situation: Situation) -> bool:
         is_free = neighbour.behaviour != self.name or neighbour.id < situation.me.id

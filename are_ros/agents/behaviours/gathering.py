@@ -161,15 +161,7 @@ class Gathering:
 
 def _hosts_by_place(situation: Situation) -> Counter[int]:
     """Count the artefacts in meetings by their nearest destination, the nearest one first."""
-    from are_ros.agents.neighbours import (
-        nearest_of,
-    )  # imported late, so that reading a catalogue loads no numba
-
-    places_m = situation.places.destinations_m
-    hosts_m = situation.points_within(_MET_WITHIN_M, Gathering.name, _HOSTING)
-    if not len(hosts_m) or not len(places_m):
-        return Counter()
-    return Counter(nearest_of(hosts_m, places_m).tolist())
+    return Counter(situation.places_within(_MET_WITHIN_M, Gathering.name, _HOSTING))
 
 
 def _place(situation: Situation, index: int) -> Point:

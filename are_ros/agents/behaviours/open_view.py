@@ -1,12 +1,14 @@
 """A simple view to try a behaviour with: a few neighbours in a plane, with a few walls or none."""
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-
-import numpy as np
-import numpy.typing as npt
+from typing import TYPE_CHECKING
 
 from are_ros.agents.behaviours.situation import Neighbour, Point
+
+if TYPE_CHECKING:
+    from are_ros.agents.navigation.destinations import Destinations
 
 
 @dataclass(frozen=True)
@@ -41,18 +43,19 @@ class OpenView:
         inside = [f for f in chosen if squares[f.id] <= radius_m**2]
         return sorted(inside, key=lambda f: (squares[f.id], f.id))
 
-    def points_within(
+    def places_within(
         self,
-        x_m: float,
-        y_m: float,
+        me: Neighbour,
         radius_m: float,
         behaviour: str,
         activities: Collection[str],
-        but_id: int,
-    ) -> npt.NDArray[np.float64]:
-        """Return the positions (M, 2) of what `within` returns, except that of one id."""
-        found = self.within(x_m, y_m, radius_m, behaviour, activities)
-        return np.array([f.point_m for f in found if f.id != but_id]).reshape(-1, 2)
+        places: "Destinations",
+    ) -> Sequence[int]:
+        """Return the index of the destination nearest to each of the others in the disc."""
+        found = self.within(*me.point_m, radius_m, behaviour, activities)
+        places_m: list[Point] = places.destinations_m.tolist()
+        away_m = [[math.dist(f.point_m, p) for p in places_m] for f in found if f.id != me.id]
+        return [row.index(min(row)) for row in away_m]
 
     def sees(self, me: Neighbour, x_m: float, y_m: float) -> bool:
         """Return whether the segment to a point crosses no wall."""

@@ -43,6 +43,9 @@ class Repertoire:
         ]
         self.journey = travelling[0].journey if travelling else None
         """The journey of the travelling behaviours, None if there are none."""
+        self._rewarding = [
+            (index, one) for index, one in enumerate(self._behaviours) if hasattr(one, "reward")
+        ]
         self._moving = [one for one in travelling if type(one) is not Stopping]
         self._speeds_mps: tuple[float, ...] | None = None
         self._paces = [_pace_of(one) if one in self._moving else None for one in self._behaviours]
@@ -115,7 +118,10 @@ class Repertoire:
 
     def rewards(self, situation: Situation) -> list[float]:
         """Return what a second of each behaviour is worth now (B,); see `Behaviour`."""
-        return [reward_of(one, situation) for one in self._behaviours]
+        rewards = [0.0] * len(self)
+        for index, one in self._rewarding:
+            rewards[index] = reward_of(one, situation)
+        return rewards
 
 
 def _pace_of(behaviour: Behaviour) -> int:

@@ -4,7 +4,7 @@ Once per decision period, a `Behaviour` turns a `Situation` into an `Intent`.
 """
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple, Protocol
@@ -224,22 +224,24 @@ class View(Protocol):
         radius_m: float,
         behaviour: str = "",
         activities: Collection[str] = (),
-    ) -> Sequence[Neighbour]:
-        """Return the artefacts whose (x, y) is within a radius of a point, the nearest first.
+    ) -> Iterable[Neighbour]:
+        """Yield the artefacts whose (x, y) is within a radius of a point, the nearest first.
 
         With `behaviour` and `activities`, only those with that behaviour and one of the activities.
         """
 
-    def points_within(
+    def places_within(
         self,
-        x_m: float,
-        y_m: float,
+        me: Neighbour,
         radius_m: float,
         behaviour: str,
         activities: Collection[str],
-        but_id: int,
-    ) -> npt.NDArray[np.float64]:
-        """Return the positions, float64 (M, 2), of what `within` returns, except one id."""
+        places: "Destinations",
+    ) -> Sequence[int]:
+        """Return the index of the destination nearest to each of the others within a radius.
+
+        They come in the order of `within`; there is at least one destination.
+        """
 
     def sees(self, me: Neighbour, x_m: float, y_m: float) -> bool:
         """Return whether walls leave this artefact a straight way to a point."""
@@ -290,12 +292,23 @@ class Situation(NamedTuple):
         found = self.view.within(me.x_m, me.y_m, radius_m, behaviour, activities)
         return [neighbour for neighbour in found if neighbour.id != me.id]
 
-    def points_within(
-        self, radius_m: float, behaviour: str, activities: Collection[str] = ()
-    ) -> npt.NDArray[np.float64]:
-        """Return the positions, float64 (M, 2), of what `neighbours_within` returns."""
+    def nearest(self, radius_m: float, suits: Callable[[Neighbour], bool]) -> Neighbour | None:
+        """Return the nearest of the others within a radius that suits, None if none does.
+
+        In a crowd that is much faster than to look at all.
+        """
         me = self.me
-        return self.view.points_within(me.x_m, me.y_m, radius_m, behaviour, activities, me.id)
+        near = self.view.within(me.x_m, me.y_m, radius_m)
+        return next((one for one in near if one.id != me.id and suits(one)), None)
+
+    def places_within(
+        self, radius_m: float, behaviour: str, activities: Collection[str]
+    ) -> Sequence[int]:
+        """Return, for each of `neighbours_within`, the index of the destination nearest to it."""
+        places = self.places
+        if not len(places.destinations_m):
+            return ()
+        return self.view.places_within(self.me, radius_m, behaviour, activities, places)
 
     def sees(self, x_m: float, y_m: float) -> bool:
         """Return whether no wall is in the straight way to a point."""
