@@ -15,6 +15,7 @@ _STEP_M = 2.5
 _TURNS_RAD = tuple(math.radians(turn) for turn in (0.0, 30.0, -30.0, 60.0, -60.0, 85.0, -85.0))
 _ROBOT_COMFORT_M = 1.5
 _HURRY = 1.3
+_AVOIDING, _CORNERED = "avoiding", "cornered"
 
 _Points = npt.NDArray[np.float64]
 
@@ -23,33 +24,29 @@ class Avoiding:
     """Walks to destinations away from the robot, and retreats when the robot is nearer than 4 m.
 
     It retreats on a straight line, at most 85 degrees off the direction away from the robot, so it
-    never comes nearer. Where walls leave no such line, it stands.
+    never comes nearer. Where walls leave no such line, it stands, and avoiding is worth nothing.
     """
 
     name: ClassVar[str] = "avoiding"
 
     def __init__(self) -> None:
         self._walk = Walking(_far_from_robot)
-        self._is_retreating = False
 
     def reward(self, situation: Situation) -> float:
         """Return what avoiding is worth: much while the robot is near."""
         robot = situation.robot
-        limit_m = _FAR_M if self._is_retreating else _NEAR_M
-        is_near = robot is not None and situation.distance_m(robot.point_m) < limit_m
-        return 3.0 * WORTH if is_near else 0.0
+        if robot is None or _was(situation, _CORNERED) or not _is_near(robot, situation):
+            return 0.0
+        return 3.0 * WORTH
 
     def decide(self, situation: Situation) -> Intent:
         """Return the intent to retreat from the robot, or to walk on."""
         robot = situation.robot
         if robot is None:
             return self._walk.decide(situation)
-        limit_m = _FAR_M if self._is_retreating else _NEAR_M
-        was_retreating = self._is_retreating
-        self._is_retreating = situation.distance_m(robot.point_m) < limit_m
-        if self._is_retreating:
+        if _is_near(robot, situation):
             return self._retreat(robot, situation)
-        if was_retreating:
+        if _was(situation, _AVOIDING, _CORNERED):
             self._walk.change_destination()
         return self._walk.decide(situation)
 
@@ -58,14 +55,25 @@ class Avoiding:
         motion = situation.row.motion
         goal_m = _retreat_point(robot, situation)
         if goal_m is None:
-            return stand("cornered", robot.point_m)
+            return stand(_CORNERED, robot.point_m)
         return Intent(
             goal_m,
             min(_HURRY * motion.speed_mps, motion.top_speed_mps),
-            activity="avoiding",
+            activity=_AVOIDING,
             is_moving_goal=True,
             robot_comfort_m=_ROBOT_COMFORT_M,
         )
+
+
+def _was(situation: Situation, *activities: str) -> bool:
+    """Return whether the last intent had one of these activities."""
+    return situation.last is not None and situation.last.activity in activities
+
+
+def _is_near(robot: RobotView, situation: Situation) -> bool:
+    """Return whether the robot is too near; one that retreats goes on to the greater distance."""
+    limit_m = _FAR_M if _was(situation, _AVOIDING, _CORNERED) else _NEAR_M
+    return situation.distance_m(robot.point_m) < limit_m
 
 
 def _retreat_point(robot: RobotView, situation: Situation) -> Point | None:

@@ -11,7 +11,13 @@ from typing import ClassVar, Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.behaviours.situation import Intent, Point, Situation, stand
+from are_ros.agents.behaviours.situation import (
+    ARRIVE_WITHIN_M,
+    Intent,
+    Point,
+    Situation,
+    stand,
+)
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 
 # Trips: one destination at a time.
@@ -31,7 +37,8 @@ Choose = Callable[[Situation, npt.NDArray[np.bool_]], int | None]
 def any_destination(situation: Situation, is_shut: npt.NDArray[np.bool_]) -> int | None:
     """Draw one of the destinations 3 to 40 m away.
 
-    If there is none, return the nearest one farther away, else the farthest one between 1 and 3 m.
+    If there is none, return the nearest one farther away, else the farthest one nearer than 3 m
+    that is a trip at all.
     """
     distances_m = distances_to_destinations(situation)
     near = distances_m < _SHORTEST_TRIP_M
@@ -41,7 +48,12 @@ def any_destination(situation: Situation, is_shut: npt.NDArray[np.bool_]) -> int
     far = least(np.where(is_shut | near, np.inf, distances_m))
     if far is not None:
         return far
-    return least(np.where(is_shut | (distances_m < _LEAST_TRIP_M), np.inf, -distances_m))
+    return least(np.where(is_shut | (distances_m < least_trip_m(situation)), np.inf, -distances_m))
+
+
+def least_trip_m(situation: Situation) -> float:
+    """Return how far [m] a destination is at least; a nearer one could count as reached."""
+    return max(_LEAST_TRIP_M, arrival_m(situation) + ARRIVE_WITHIN_M)
 
 
 def distances_to_destinations(situation: Situation) -> npt.NDArray[np.float64]:
@@ -273,9 +285,9 @@ def arrival_m(situation: Situation) -> float:
 
 
 def _near_destination(situation: Situation, is_shut: npt.NDArray[np.bool_]) -> int | None:
-    """Draw one of the five nearest destinations that are at least 1 m away."""
+    """Draw one of the five nearest destinations that are a trip away."""
     distances_m = distances_to_destinations(situation)
-    distances_m[is_shut | (distances_m < 1.0)] = np.inf
+    distances_m[is_shut | (distances_m < least_trip_m(situation))] = np.inf
     near = np.argsort(distances_m, kind="stable")[:5]
     near = near[np.isfinite(distances_m[near])]
     return situation.drawn_from(near) if near.size else None

@@ -129,7 +129,7 @@ class ReachableDestinations:
         Each has `spare_m` of room beside the disc of the coarse map, or is moved to the nearest
         point where the disc fits. If there are fewer than `FEWEST`, others are added in the part
         that can be reached, at least `APART_M` apart, if there is room. Exits are those of the map.
-        If none can be reached, all destinations of the map are returned.
+        There are none in a part without room for a trip; from outside the map, all are returned.
         """
         cell = coarse.cell_of(*point_m)
         if cell is None:
@@ -144,8 +144,6 @@ class ReachableDestinations:
         points_m = _end_points(coarse, part, spare_m, self._places.destinations_m)
         if len(points_m) < FEWEST:
             points_m = _with_others(coarse.anchors_m[part], coarse.room_m[part], points_m)
-        if not len(points_m):
-            return self._places
         return Destinations(points_m, self._places.exits_m)
 
 

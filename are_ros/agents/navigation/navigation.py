@@ -183,7 +183,7 @@ class Navigation:
         self._reach = ReachableDestinations(places)
 
     def places_from(self, profile: NavigationProfile, point_m: Point) -> Destinations:
-        """Return the destinations that a type can reach from a point; all if it can reach none."""
+        """Return the destinations that a type can reach from a point of the map."""
         if self._environment is None:
             return self.places
         coarse = self._coarse_maps.of(self._terrain(profile), profile.narrow_m)

@@ -98,15 +98,15 @@ class Actor:
         name = self.behaviour.name
         return fellow_at(self.point_m, self.id, self.velocity_mps, name, activity)
 
-    def decide(
+    def situation(
         self,
         view: OpenView,
         places: Destinations,
         robot: RobotView | None = None,
         now_s: float = 0.0,
-    ) -> Intent:
-        """Let it decide on what it sees."""
-        situation = Situation(
+    ) -> Situation:
+        """Return what it knows."""
+        return Situation(
             round(now_s * NS_PER_S),
             self.as_fellow(),
             self.row,
@@ -120,7 +120,16 @@ class Actor:
             blocked_by="a wall" if self.blocked_s else "",
             no_way=self.no_way,
         )
-        self.last = self.behaviour.decide(situation)
+
+    def decide(
+        self,
+        view: OpenView,
+        places: Destinations,
+        robot: RobotView | None = None,
+        now_s: float = 0.0,
+    ) -> Intent:
+        """Let it decide on what it sees."""
+        self.last = self.behaviour.decide(self.situation(view, places, robot, now_s))
         self.arrived = self.no_way = False
         return self.last
 

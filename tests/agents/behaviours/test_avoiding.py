@@ -5,8 +5,9 @@ import math
 import pytest
 
 from are_ros.agents.behaviours.avoiding import Avoiding
-from are_ros.agents.behaviours.situation import Point
-from tests.agents.behaviours.stage import Actor, Stage, alone, lattice, robot_at
+from are_ros.agents.behaviours.open_view import OpenView
+from are_ros.agents.behaviours.situation import WORTH, Point
+from tests.agents.behaviours.stage import NO_WALLS, Actor, Stage, alone, lattice, robot_at
 
 
 @pytest.mark.parametrize("start", [(2.0, 0.0), (-1.0, 3.0), (0.5, -0.5), (0.0, -3.9)])
@@ -35,6 +36,24 @@ def test_in_a_corner_it_stands_and_looks_at_the_robot() -> None:
     walls = (((2.3, -9.0), (2.3, 9.0)), ((-9.0, 0.3), (9.0, 0.3)), ((-9.0, -0.3), (9.0, -0.3)))
     intent = alone(Actor(0, Avoiding(), (2.0, 0.0)), walls_m=walls, robot=robot_at((0.0, 0.0)))
     assert (intent.goal_m, intent.activity, intent.face_m) == (None, "cornered", (0.0, 0.0))
+
+
+def test_it_is_worth_something_near_the_robot_unless_it_gets_nowhere() -> None:
+    """Who is cornered does something else before long; who walks avoids nobody 5 m away."""
+    corner = (((2.3, -9.0), (2.3, 9.0)), ((-9.0, 0.3), (9.0, 0.3)), ((-9.0, -0.3), (9.0, -0.3)))
+
+    def worth(actor: Actor, *, is_cornered: bool = False) -> float:
+        view = OpenView([actor.as_fellow()], corner if is_cornered else NO_WALLS)
+        avoiding = Avoiding()
+        before = avoiding.reward(actor.situation(view, lattice(), robot_at((0.0, 0.0))))
+        actor.last = avoiding.decide(actor.situation(view, lattice(), robot_at((0.0, 0.0))))
+        after = avoiding.reward(actor.situation(view, lattice(), robot_at((0.0, 0.0))))
+        assert before == 3.0 * WORTH * (math.dist(actor.point_m, (0.0, 0.0)) < 4.0)
+        return after
+
+    assert worth(Actor(0, Avoiding(), (2.0, 0.0))) == 3.0 * WORTH
+    assert worth(Actor(0, Avoiding(), (2.0, 0.0)), is_cornered=True) == 0.0
+    assert worth(Actor(0, Avoiding(), (5.0, 0.0))) == 0.0
 
 
 def test_it_goes_on_until_it_is_far_enough() -> None:

@@ -142,6 +142,15 @@ def test_with_nowhere_to_go_a_walker_stands_and_says_so() -> None:
         assert (intent.goal_m, intent.activity) == (None, "nowhere to go")
 
 
+def test_a_car_in_a_pocket_has_no_trips_that_are_over_at_once() -> None:
+    """Destinations that it is not out of reach of are none: it would stand, and say it drives."""
+    car = row_of(MotionLimits(3.0, 1.5, 0.6, 5.0, 1.0))
+    actor = Actor(0, Driving(), (0.0, 0.0), car)
+    intents = [alone(actor, places_at([(1.9, 0.0), (0.0, -2.2)]), now_s=s) for s in range(20)]
+    assert {intent.activity for intent in intents} == {"nowhere to go"}
+    assert alone(actor, places_at([(1.9, 0.0), (0.0, -2.95)])).goal_m == (0.0, -2.95)
+
+
 def test_in_a_tiny_map_a_walker_goes_to_and_fro() -> None:
     """Destinations nearer than 3 m are taken where there are no others."""
     stage = Stage([Actor(0, Walking(), (0.0, 0.0))], places_at([(0.0, 0.0), (1.5, 0.0)]))

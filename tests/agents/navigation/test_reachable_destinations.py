@@ -91,14 +91,16 @@ def test_spare_room_is_asked_for_beside_the_disc() -> None:
         assert coarse.holds(x_m, y_m, 0.35)
 
 
-def test_who_is_shut_in_is_told_all_places() -> None:
-    """In a closet there is nowhere to go; off the map neither."""
+def test_who_is_shut_in_has_no_destinations() -> None:
+    """In a closet there is nowhere to go; off the map all are known."""
     walls = np.ones((60, 60), np.bool_)
     walls[2:16, 2:16] = False
     walls[25:, 2:] = False
     places = places_of((1.5, 2.0))
     reach, coarse = ReachableDestinations(places), CoarseMap(terrain_of(walls), 0.2)
-    assert reach.places_from(coarse, (0.45, 0.45)) is places
+    shut_in = reach.places_from(coarse, (0.45, 0.45))
+    assert len(shut_in.destinations_m) == 0
+    assert shut_in.exits_m is places.exits_m
     assert reach.places_from(coarse, (-9.0, 0.0)) is places
 
 
