@@ -7,9 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.builder.costmap.augmented_map import GridUpdate
-from are_ros.errors import InputError
 from are_ros.messages.cdr import CdrWriter
 from are_ros.messages.common import MessageFactory, make_header, make_pose, read_array, read_time
+from are_ros.messages.sensors import read_cloud
 from are_ros.world.occupancy_grid import OccupancyGrid
 
 
@@ -87,23 +87,14 @@ def encode_grid_update(update: GridUpdate) -> bytes:
 
 Points = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 
-_FLOAT_KINDS = {7: "f4", 8: "f8"}
-"""PointField.FLOAT32 and FLOAT64 as numpy kinds."""
-
 
 def read_points(message: Any, source: str = "points") -> Points:
     """Return the points (N, 3) of a PointCloud2 in its own frame [m], NaN where it has NaN.
 
     N is height * width, row by row. float32, or float64 if any of x, y, z is. The array is new.
-    InputError if a coordinate is missing or no float, or if steps and data do not fit together.
+    InputError as `PointCloud.checked`.
     """
-    coordinates = _coordinates(message, read_array(message.data, np.uint8), source)
-    stored = [coordinates[axis] for axis in "xyz"]
-    dtype = np.result_type(*(values.dtype.newbyteorder("=") for values in stored))
-    points = np.empty((stored[0].size, 3), dtype=dtype)
-    for column, values in enumerate(stored):
-        points[:, column] = values.reshape(-1)
-    return points
+    return read_cloud(message, source).points_m()
 
 
 def make_cloud(factory: MessageFactory, frame_id: str, stamp_ns: int, points_m: Points) -> Any:
@@ -125,47 +116,3 @@ def make_cloud(factory: MessageFactory, frame_id: str, stamp_ns: int, points_m: 
         data=points.reshape(-1).view(np.uint8),
         is_dense=bool(np.isfinite(points).all()),
     )
-
-
-def _coordinates(message: Any, data: npt.NDArray[np.uint8], source: str) -> npt.NDArray[np.void]:
-    """Return x, y, z as a structured view (height, width) of `data`."""
-    _check_steps(message, data.size, source)
-    kinds, offsets = _layout(message, source)
-    dtype = np.dtype(
-        {"names": list("xyz"), "formats": kinds, "offsets": offsets, "itemsize": message.point_step}
-    )
-    shape = (message.height, message.width)
-    strides = (message.row_step, message.point_step)
-    view: npt.NDArray[np.void] = np.ndarray(shape, dtype=dtype, buffer=data, strides=strides)
-    return view
-
-
-def _layout(message: Any, source: str) -> tuple[list[str], list[int]]:
-    """Return the numpy formats and the byte offsets of x, y, z."""
-    order = ">" if message.is_bigendian else "<"
-    fields = {field.name: field for field in message.fields}
-    kinds: list[str] = []
-    for axis in "xyz":
-        field = fields.get(axis)
-        if field is None or field.datatype not in _FLOAT_KINDS or field.count > 1:
-            have = ", ".join(fields) or "none"
-            message_text = f"{source}: fields have no {axis} of one float32 or float64 ({have})"
-            raise InputError(message_text)
-        kinds.append(order + _FLOAT_KINDS[field.datatype])
-        if field.offset + np.dtype(kinds[-1]).itemsize > message.point_step:
-            raise InputError(f"{source}: field {axis} ends beyond point_step {message.point_step}")
-    return kinds, [fields[axis].offset for axis in "xyz"]
-
-
-def _check_steps(message: Any, size: int, source: str) -> None:
-    """Refuse a cloud whose sizes contradict each other."""
-    if message.row_step < message.width * message.point_step:
-        raise InputError(
-            f"{source}: row_step {message.row_step} is less than width {message.width}"
-            f" x point_step {message.point_step}"
-        )
-    if size != message.height * message.row_step:
-        raise InputError(
-            f"{source}: data has {size} bytes, but height {message.height} x row_step"
-            f" {message.row_step} = {message.height * message.row_step}"
-        )

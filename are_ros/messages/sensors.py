@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from are_ros.builder.sensors.laser_scan import LaserScan
+from are_ros.builder.sensors.point_cloud import CloudField, PointCloud
 from are_ros.builder.sensors.range_reading import RangeReading
 from are_ros.builder.sensors.sensor_path import Reading
 from are_ros.messages.cdr import CdrWriter
@@ -99,6 +100,51 @@ def encode_range(reading: RangeReading) -> bytes:
     return writer.message()
 
 
+def read_cloud(message: Any, source: str = "points") -> PointCloud:
+    """Return the cloud of a sensor_msgs/PointCloud2; its data are viewed, not copied.
+
+    InputError, whose sentence begins with `source`, as `PointCloud.checked`.
+    """
+    fields = [
+        CloudField(str(one.name), int(one.offset), int(one.datatype), int(one.count))
+        for one in message.fields
+    ]
+    return PointCloud.checked(
+        read_array(message.data, np.uint8),
+        frame_id=str(message.header.frame_id).lstrip("/"),
+        stamp_ns=read_time(message.header.stamp),
+        fields=fields,
+        is_bigendian=bool(message.is_bigendian),
+        is_dense=bool(message.is_dense),
+        shape=(int(message.height), int(message.width)),
+        steps=(int(message.row_step), int(message.point_step)),
+        source=source,
+    )
+
+
+_SIZE: Final = Struct("<2I")
+_FLAG: Final = Struct("<?")
+
+
+def encode_cloud(cloud: PointCloud) -> bytes:
+    """Return a sensor_msgs/PointCloud2."""
+    height, row_step = cloud.data.shape
+    writer = CdrWriter()
+    writer.header(cloud.frame_id, cloud.stamp_ns)
+    writer.pack(_SIZE, 4, height, cloud.width)
+    writer.count(len(cloud.fields))
+    for name, offset, datatype, numbers in cloud.fields:
+        writer.text(name)
+        writer.count(offset)
+        writer.pack(_RADIATION, 1, datatype)
+        writer.count(numbers)
+    writer.pack(_FLAG, 1, cloud.is_bigendian)
+    writer.pack(_SIZE, 4, cloud.point_step, row_step)
+    writer.numbers(cloud.data.reshape(-1), "u1")
+    writer.pack(_FLAG, 1, cloud.is_dense)
+    return writer.message()
+
+
 @dataclass(frozen=True)
 class SensorKind:
     """A kind of sensor: subscriptions, outputs, replays and recordings follow from its entry.
@@ -127,6 +173,7 @@ class SensorKind:
 _KINDS: Final = (
     SensorKind("scan", "sensor_msgs/msg/LaserScan", "scans", read_scan, encode_scan),
     SensorKind("range", "sensor_msgs/msg/Range", "ranges", read_range, encode_range),
+    SensorKind("points", "sensor_msgs/msg/PointCloud2", "clouds", read_cloud, encode_cloud),
 )
 SENSORS: Final[Mapping[str, SensorKind]] = MappingProxyType({kind.role: kind for kind in _KINDS})
 """The kinds of sensors by role."""

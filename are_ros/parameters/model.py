@@ -405,6 +405,9 @@ class SensorsParameters:
     ranges: tuple[str, ...] = parameter(
         (), "Topics of the range sensors (sonar, infrared) to augment."
     )
+    clouds: tuple[str, ...] = parameter(
+        ("points",), "Topics of the point clouds of lasers and depth cameras to augment."
+    )
 
 
 @dataclass(frozen=True)

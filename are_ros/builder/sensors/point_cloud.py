@@ -1,0 +1,326 @@
+"""A cloud of points (sensor_msgs/PointCloud2), and its augmentation with artefacts."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros._compiled import compiled
+from are_ros.builder.occlusion.meshes import Tree, cast, enters
+from are_ros.builder.occlusion.rays import VoxelField, inverse
+from are_ros.builder.sensors.cloud_rays import rays_between, rays_of_holes
+from are_ros.builder.sensors.sensor_path import Obstacles
+from are_ros.errors import InputError
+from are_ros.world.rigid_transform import RigidTransform
+
+_Floats = npt.NDArray[np.float64]
+_Indices = npt.NDArray[np.int64]
+
+_NOTHING_M: Final = 1e-3
+"""A point this near to the sensor is no return; many drivers write (0, 0, 0) for none."""
+
+_FORMATS: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+"""The datatypes of PointField as numpy formats."""
+_FLOATS: Final = (7, 8)
+
+_ROWS: Final = ("ring", "channel", "line", "row")
+"""Fields with the number of the beam that measured a point."""
+_STRENGTHS: Final = ("intensity", "intensities", "reflectivity", "reflectance", "signal")
+"""Fields that are 0 on an artefact, as the intensities of a scan are."""
+_LENGTHS: Final = ("range", "distance")
+"""Fields that are proportional to the distance from the sensor, in any unit."""
+
+_SLACK: Final = 1e-9
+"""Relative slack of the ball around a box, for rounding."""
+
+_Columns = npt.NDArray[np.void]
+
+
+class CloudField(NamedTuple):
+    """A field of each point: sensor_msgs/PointField."""
+
+    name: str
+    offset: int
+    datatype: int
+    numbers: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class PointCloud:
+    """H x W points as they were received, in the frame of their sensor, with all their fields.
+
+    `data` is uint8 (H, row_step) and becomes read-only; each row begins with W points of
+    `point_step` bytes. With H = 1 the cloud is unorganised: it holds only rays that came back. Else
+    it has a point for each ray, and no return is NaN, infinite or (0, 0, 0). All rays begin at the
+    frame's origin. Numbers from outside must come through `checked`.
+    """
+
+    frame_id: str
+    stamp_ns: int
+    fields: tuple[CloudField, ...]
+    is_bigendian: bool
+    is_dense: bool
+    width: int
+    point_step: int
+    data: npt.NDArray[np.uint8]
+
+    def __post_init__(self) -> None:
+        data = self.data.view()
+        data.flags.writeable = False
+        object.__setattr__(self, "data", data)
+
+    @classmethod
+    def checked(
+        cls,
+        data: npt.NDArray[np.uint8],
+        *,
+        frame_id: str,
+        stamp_ns: int,
+        fields: Sequence[CloudField],
+        is_bigendian: bool,
+        is_dense: bool,
+        shape: tuple[int, int],
+        steps: tuple[int, int],
+        source: str = "points",
+    ) -> "PointCloud":
+        """Return a cloud of `data` uint8 (N,), height and width, row_step and point_step.
+
+        InputError, whose sentence begins with `source`, if the frame is empty, a coordinate is
+        missing or no float, or steps and data do not fit together.
+        """
+        (height, width), (row_step, point_step) = shape, steps
+        if not frame_id:
+            raise InputError(f"{source}: header.frame_id is empty")
+        if row_step < width * point_step:
+            raise InputError(
+                f"{source}: row_step {row_step} is less than width {width}"
+                f" x point_step {point_step}"
+            )
+        if data.size != height * row_step:
+            raise InputError(
+                f"{source}: data has {data.size} bytes, but height {height} x row_step"
+                f" {row_step} = {height * row_step}"
+            )
+        named = {field.name: field for field in fields}
+        for axis in "xyz":
+            field = named.get(axis)
+            if field is None or field.datatype not in _FLOATS or field.numbers > 1:
+                have = ", ".join(named) or "none"
+                raise InputError(
+                    f"{source}: fields have no {axis} of one float32 or float64 ({have})"
+                )
+            if field.offset + np.dtype(_FORMATS[field.datatype]).itemsize > point_step:
+                raise InputError(f"{source}: field {axis} ends beyond point_step {point_step}")
+        rows = data.reshape(height, row_step)
+        return cls(
+            frame_id, stamp_ns, tuple(fields), is_bigendian, is_dense, width, point_step, rows
+        )
+
+    def points_m(self) -> npt.NDArray[np.float32] | _Floats:
+        """Return the points (H * W, 3) [m], row by row, NaN where it has NaN; the array is new.
+
+        It is float32, or float64 if any of x, y, z is.
+        """
+        columns = self._columns(self.data, self.width)
+        stored = [columns[axis] for axis in "xyz"]
+        dtype = np.result_type(*(values.dtype.newbyteorder("=") for values in stored))
+        return np.stack([values.ravel().astype(dtype) for values in stored], axis=1)
+
+    def augmented(self, map_from_sensor: RigidTransform, obstacles: Obstacles) -> "PointCloud":
+        """Return the cloud with points on the artefacts where they are nearer than what came back.
+
+        The cloud is `checked`. Per ray, with the first hit on any artefact, Euclidean:
+
+        - a return behind the hit becomes the hit, on the same ray, whatever walls the environment
+          has: the return proves that the ray is free up to there; one in front of it stays;
+        - a ray without a return becomes the hit if that is no farther than the farthest return of
+          the cloud, and the environment's surface is not in front of it.
+
+        Which rays had no return follows from the order of an organised cloud, and in an unorganised
+        one from the gaps in its rows (see `cloud_rays`): there, points are added at the end. A
+        point on an artefact has strength 0; its other fields are those of the return that it
+        replaces, or of the ray's neighbour. If nothing changes, the same object is returned.
+        """
+        points_m = self.points_m().astype(np.float64)
+        with np.errstate(over="ignore", invalid="ignore"):
+            ranges_m = np.sqrt((points_m * points_m).sum(axis=1))
+        returns = np.flatnonzero(np.isfinite(ranges_m) & (ranges_m > _NOTHING_M))
+        ranges_m = ranges_m[returns]
+        boxes, origin_m = obstacles.boxes, map_from_sensor.translation_m
+        apart_m = np.linalg.norm(boxes.centres_m - origin_m, axis=1)
+        nearest_m = (apart_m - np.linalg.norm(boxes.half_sizes_m, axis=1)).min()
+        if nearest_m > ranges_m.max(initial=0.0):
+            return self
+        rays = points_m[returns] / ranges_m[:, None]
+        hits_m = first_hits_along(map_from_sensor, rays, ranges_m, obstacles)
+        is_behind = hits_m < ranges_m
+        owners, free = self._rays_without_return(returns, rays)
+        limits_m = np.full(len(free), ranges_m.max())
+        seen_m = first_hits_along(map_from_sensor, free, limits_m, obstacles)
+        is_seen = _are_seen(seen_m, free, map_from_sensor, obstacles.surface)
+        if not is_behind.any() and not is_seen.any():
+            return self
+        units = self._units_of_lengths(returns, ranges_m)
+        data, width, places = self._with_room(owners[is_seen])
+        places = np.concatenate((returns[is_behind], places))
+        rays = np.concatenate((rays[is_behind], free[is_seen]))
+        hits_m = np.concatenate((hits_m[is_behind], seen_m[is_seen]))
+        _write_hits(self._columns(data, width), places, rays, hits_m, units)
+        return replace(self, data=data, width=width)
+
+    def _columns(self, data: npt.NDArray[np.uint8], width: int) -> _Columns:
+        """Return a view (height, width) of the single numbers of each point, by field."""
+        order, fields = ">" if self.is_bigendian else "<", dict[str, tuple[np.dtype[Any], int]]()
+        for name, offset, datatype, numbers in self.fields:
+            number = np.dtype(order + _FORMATS.get(datatype, "V0"))
+            if numbers <= 1 and 0 < number.itemsize <= self.point_step - offset:
+                fields.setdefault(name, (number, offset))
+        formats, offsets = zip(*fields.values(), strict=True)
+        point = np.dtype(
+            {
+                "names": list(fields),
+                "formats": formats,
+                "offsets": offsets,
+                "itemsize": self.point_step,
+            }
+        )
+        strides = data.shape[1], self.point_step
+        columns: _Columns = np.ndarray((len(data), width), point, data, 0, strides)
+        return columns
+
+    def _rays_without_return(
+        self, returns: _Indices, directions: _Floats
+    ) -> tuple[_Indices, _Floats]:
+        """Return the rays (K, 3) without a return, and the points (K,) that they belong to.
+
+        That is the ray's own point, or in an unorganised cloud its neighbour's.
+        """
+        if len(self.data) > 1:
+            return rays_of_holes((len(self.data), self.width), returns, directions)
+        columns = self._columns(self.data, self.width)
+        rows = next((columns[name][0, returns] for name in _names(columns, _ROWS)), None)
+        neighbours, rays = rays_between(directions, rows)
+        return returns[neighbours], rays
+
+    def _units_of_lengths(self, returns: _Indices, ranges_m: _Floats) -> dict[str, float]:
+        """Return how much a field grows per metre of distance from the sensor, by field."""
+        columns = self._columns(self.data, self.width)
+        return {
+            name: float(np.median(columns[name].ravel()[returns] / ranges_m))
+            for name in _names(columns, _LENGTHS)
+        }
+
+    def _with_room(self, owners: _Indices) -> tuple[npt.NDArray[np.uint8], int, _Indices]:
+        """Return a copy of the data with room for rays without return, its width, and their places.
+
+        In an organised cloud these are the rays' own points, else copies of their neighbours.
+        """
+        if len(self.data) > 1:
+            return self.data.copy(), self.width, owners
+        points = self.data[0, : self.width * self.point_step].reshape(self.width, self.point_step)
+        points = np.concatenate((points, points[owners]))
+        return points.reshape(1, -1), len(points), np.arange(self.width, len(points))
+
+
+def _names(columns: _Columns, names: Sequence[str]) -> list[str]:
+    """Return those of some names that the columns have."""
+    return [name for name in names if name in (columns.dtype.names or ())]
+
+
+def _write_hits(
+    columns: _Columns,
+    places: _Indices,
+    rays: _Floats,
+    hits_m: _Floats,
+    units: dict[str, float],
+) -> None:
+    """Write hits [m] along rays (K, 3) to some points (K,) of the columns."""
+    at = np.unravel_index(places, columns.shape)
+    for axis, component in zip("xyz", rays.T, strict=True):
+        columns[axis][at] = component * hits_m
+    for name in _names(columns, _STRENGTHS):
+        columns[name][at] = 0
+    for name, unit in units.items():
+        is_whole = np.issubdtype(columns[name].dtype, np.integer)
+        columns[name][at] = np.rint(unit * hits_m) if is_whole else unit * hits_m
+
+
+def _are_seen(
+    hits_m: _Floats, rays: _Floats, map_from_sensor: RigidTransform, surface: VoxelField | None
+) -> npt.NDArray[np.bool_]:
+    """Return which hits (K,) along rays (K, 3) of the sensor the environment does not hide."""
+    is_seen = hits_m < np.inf
+    hit = np.flatnonzero(is_seen)
+    if len(hit) and surface is not None:
+        directions = rays[hit] @ map_from_sensor.rotation_matrix().T
+        origin_m, farthest_m = map_from_sensor.translation_m, float(hits_m[hit].max())
+        is_seen[hit] = surface.first_hits(origin_m, directions, farthest_m) >= hits_m[hit]
+    return is_seen
+
+
+def first_hits_along(
+    map_from_sensor: RigidTransform, rays: _Floats, limits_m: _Floats, obstacles: Obstacles
+) -> _Floats:
+    """Return the distance [m] to the first artefact along rays, float64 (N,); inf for none.
+
+    `rays` are unit vectors (N, 3) in the sensor's frame, from its origin; hits beyond `limits_m`
+    (N,) may be left out.
+    """
+    hits_m = np.full(len(rays), np.inf)
+    _first_hits(
+        map_from_sensor.translation_m,
+        map_from_sensor.rotation_matrix(),
+        np.ascontiguousarray(rays),
+        limits_m,
+        obstacles.boxes.packed,
+        obstacles.shapes.indices,
+        obstacles.shapes.pool.tree,
+        hits_m,
+    )
+    return hits_m
+
+
+@compiled
+def _first_hits(
+    sensor_m: _Floats,
+    map_from_sensor: _Floats,
+    rays: _Floats,
+    limits_m: _Floats,
+    boxes: _Floats,
+    meshes: _Indices,
+    tree: Tree,
+    hits_m: _Floats,
+) -> None:
+    """Lower each ray's hit [m] to the first on any box or mesh; `boxes` as `OrientedBoxes.packed`.
+
+    Only rays that meet the ball around a box are cast.
+    """
+    for box in range(boxes.shape[0]):
+        apart = boxes[box, :3] - sensor_m
+        middle = map_from_sensor.T @ apart
+        radius2 = boxes[box, 5] ** 2 + boxes[box, 6] ** 2 + boxes[box, 7] ** 2
+        away2 = apart[0] ** 2 + apart[1] ** 2 + apart[2] ** 2
+        reach = radius2 * (1.0 + _SLACK) + _SLACK * away2
+        cosine, sine, oz = boxes[box, 3], boxes[box, 4], -apart[2]
+        ox = -cosine * apart[0] - sine * apart[1]
+        oy = sine * apart[0] - cosine * apart[1]
+        low, high = -boxes[box, 5:8], boxes[box, 5:8]
+        corners = np.array((low[0], low[1], low[2], high[0], high[1], high[2]))
+        for ray in range(rays.shape[0]):
+            a, b, c = rays[ray, 0], rays[ray, 1], rays[ray, 2]
+            along = a * middle[0] + b * middle[1] + c * middle[2]
+            if away2 - along * along > reach or (along < 0.0 and away2 > reach):
+                continue
+            x = a * map_from_sensor[0, 0] + b * map_from_sensor[0, 1] + c * map_from_sensor[0, 2]
+            y = a * map_from_sensor[1, 0] + b * map_from_sensor[1, 1] + c * map_from_sensor[1, 2]
+            dz = a * map_from_sensor[2, 0] + b * map_from_sensor[2, 1] + c * map_from_sensor[2, 2]
+            dx, dy = cosine * x + sine * y, cosine * y - sine * x
+            limit = min(limits_m[ray], hits_m[ray])
+            if meshes[box] >= 0:
+                hit = cast(tree, meshes[box], ox, oy, oz, dx, dy, dz, limit)[0]
+            else:
+                hit = enters(corners, ox, oy, oz, inverse(dx), inverse(dy), inverse(dz))
+            if hit <= limit:
+                hits_m[ray] = hit
