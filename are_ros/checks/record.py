@@ -37,6 +37,7 @@ from are_ros.bag.recording import (
     runs_of,
     walls_of,
 )
+from are_ros.checks.cloud_pairs import SensorCloud
 from are_ros.checks.marker_rules import MarkerChange, change_of
 from are_ros.checks.oracle.frames import ODOMETRY, PARAMETER, TF, Frames
 from are_ros.checks.oracle.solids import Cloud, RealMap
@@ -50,6 +51,7 @@ from are_ros.parameters.model import Parameters
 _USUAL_BASES: Final = ("base_footprint", "base_link")
 _REAL_MAP: Final = "/map"
 _CLOUD: Final = "sensor_msgs/msg/PointCloud2"
+_OCTOMAP: Final = "/octomap_point_cloud_centers"
 _MAP_SLACK_NS: Final = NS_PER_S
 """Live: so near to the arrival of a new map it is unknown which map a tick used."""
 _REORDER_NS: Final = NS_PER_S
@@ -76,13 +78,15 @@ class Record:
     stamp of the last tick before it. `farewells_ns` are the times at which a node removed all
     artefacts, as it was paused or shut down; `farewell_messages` are the lists of the perceived
     and the metrics that it published then. `walls` is "map" or "octomap", or empty if unknown.
-    `clouds` are the octomaps of the input. `lags_ns` is how late a live recorder logged each tick.
+    `clouds` are the octomaps of the input; `has_clouds` tells that clouds of sensors went out.
+    `lags_ns` is how late a live recorder logged each tick.
     """
 
     parameters: Parameters | None
     is_live: bool = False
     walls: str = ""
     topics: frozenset[str] = frozenset()
+    has_clouds: bool = False
     scenes: list[Scene] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
     perceived: list[Perceived] = field(default_factory=list)
@@ -182,10 +186,8 @@ class Record:
                 self._take_transform(sample, value.at_ns, TF, is_static="static" in topic)
         elif kind is Odometry:
             self._take_odometry(value)
-        elif message.type_name == _CLOUD and not is_output:
-            cloud = Cloud.of_message(value, message.at_ns)
-            if not (self.clouds and cloud.is_like(self.clouds[-1])):
-                self.clouds.append(cloud)
+        elif message.type_name == _CLOUD:
+            self._take_cloud(topic, value, message.at_ns)
 
     def settle(self) -> None:
         """Part the ticks of a live recording from farewells, and find the runs of them."""
@@ -207,6 +209,19 @@ class Record:
             is_last = is_last and (is_again or message.at_ns not in ticks)
             (self.farewell_messages if is_last else kept).append(message)
         return kept
+
+    def _take_cloud(self, topic: str, message: Any, at_ns: int) -> None:
+        """Take an octomap, or, where sensors' clouds went out, one of these.
+
+        As for the roles of a replay, an octomap's topic is known by its name then.
+        """
+        is_octomap = not self.has_clouds or topic == _OCTOMAP or "octomap" in topic.lower()
+        if not is_octomap:
+            self.scans.add(topic, SensorCloud.of_message(message, at_ns))
+        elif not topic.startswith(PREFIX):
+            cloud = Cloud.of_message(message, at_ns)
+            if not (self.clouds and cloud.is_like(self.clouds[-1])):
+                self.clouds.append(cloud)
 
     def _take_odometry(self, odometry: Odometry) -> None:
         use = self.settings.frames.odometry
@@ -266,8 +281,11 @@ class Reading:
             self.is_open = True
             loops = self._recording.loops
         walls, is_live = walls_of(self._files.path), not self._files.is_replay
+        types = self._recording.types if self.is_open else {}
+        clouds = [topic for topic, type_name in types.items() if type_name == _CLOUD]
+        has_clouds = any(topic.startswith(PREFIX) for topic in clouds)
         for _ in range(loops):
-            self.records.append(Record(self._parameters, is_live, walls, self.topics))
+            self.records.append(Record(self._parameters, is_live, walls, self.topics, has_clouds))
         return self
 
     def __exit__(self, *error: object) -> None:

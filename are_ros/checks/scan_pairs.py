@@ -1,4 +1,4 @@
-"""Each augmented scan or range beside its input: what changed, and whether it was allowed to."""
+"""Each augmented scan, range or cloud beside its input: what changed, and whether it may."""
 
 import math
 from bisect import bisect_left
@@ -10,13 +10,16 @@ from numpy.typing import NDArray
 
 from are_ros.bag.decoded import Scan
 from are_ros.bag.recording import PREFIX
+from are_ros.checks.cloud_pairs import SensorCloud, changed_points
 
 _MOST_WAITING: Final = 2000
+_MOST_CLOUDS: Final = 100
 _CONE_STEP_RAD: Final = 0.02
 _GAP: Final = 1.5
 """In usual distances of scans: farther apart, there was one in between."""
 
-_Key = tuple[int, str]
+_Key = tuple[int, str, type]
+_Reading = Scan | SensorCloud
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,21 +49,22 @@ class ScanPairs:
     def __init__(self) -> None:
         self.changed: list[ChangedScan] = []
         self.pairs = 0
-        self.input_topics: set[str] = set()
+        self.input_topics: dict[str, type] = {}
         self._input_stamps: dict[str, list[int]] = {}
-        self._inputs: dict[_Key, list[tuple[str, Scan]]] = {}
-        self._outputs: dict[_Key, list[tuple[str, Scan]]] = {}
+        self._inputs: dict[_Key, list[tuple[str, _Reading]]] = {}
+        self._outputs: dict[_Key, list[tuple[str, _Reading]]] = {}
 
-    def add(self, topic: str, scan: Scan) -> None:
-        """Take a scan of any topic."""
-        key = (scan.stamp_ns, scan.frame_id)
+    def add(self, topic: str, scan: Scan | SensorCloud) -> None:
+        """Take a scan, a range or a cloud of any topic."""
+        key = (scan.stamp_ns, scan.frame_id, type(scan))
         if topic.startswith(PREFIX):
             self._outputs.setdefault(key, []).append((topic, scan))
         else:
-            self.input_topics.add(topic)
+            self.input_topics[topic] = type(scan)
             self._input_stamps.setdefault(topic, []).append(scan.stamp_ns)
             self._inputs.setdefault(key, []).append((topic, scan))
-            while len(self._inputs) > _MOST_WAITING:  # the node does not augment this laser
+            most = _MOST_CLOUDS if isinstance(scan, SensorCloud) else _MOST_WAITING
+            while len(self._inputs) > most:  # the node does not augment this sensor
                 del self._inputs[next(iter(self._inputs))]
         self._match(key)
 
@@ -85,9 +89,10 @@ class ScanPairs:
 
     def _match(self, key: _Key) -> None:
         inputs, outputs = self._inputs.get(key, []), self._outputs.get(key, [])
+        is_only = list(self.input_topics.values()).count(key[2]) == 1
         for output in list(outputs):
             found = next((i for i, each in enumerate(inputs) if _is_of(output[0], each[0])), None)
-            if found is None and len(self.input_topics) == 1 and inputs:
+            if found is None and inputs and is_only:
                 found = 0
             if found is not None:
                 self._compare(inputs.pop(found)[1], *output)
@@ -97,8 +102,22 @@ class ScanPairs:
         if not inputs:
             self._inputs.pop(key, None)
 
-    def _compare(self, real: Scan, topic: str, output: Scan) -> None:
+    def _compare(self, real: _Reading, topic: str, output: _Reading) -> None:
         self.pairs += 1
+        if isinstance(real, Scan) and isinstance(output, Scan):
+            self._compare_scans(real, topic, output)
+        elif isinstance(real, SensorCloud) and isinstance(output, SensorCloud):
+            self._compare_clouds(real, topic, output)
+
+    def _compare_clouds(self, real: SensorCloud, topic: str, output: SensorCloud) -> None:
+        fault, which, unreturned = changed_points(real, output)
+        if not fault and not len(which):
+            return
+        ends_m, too_close = output.points_m[which][:, None], np.zeros(len(which), np.bool_)
+        when = output.stamp_ns, output.at_ns, output.frame_id
+        self.changed.append(ChangedScan(topic, *when, ends_m, too_close, unreturned, 0.0, fault))
+
+    def _compare_scans(self, real: Scan, topic: str, output: Scan) -> None:
         fault = _shape_fault(real, output)
         which = np.empty(0, np.int64) if fault else _differing(real.ranges, output.ranges)
         fault = fault or _values_fault(real, output, which)

@@ -36,6 +36,7 @@ MS = 1_000_000
 START_NS = 1000 * NS_PER_S
 TICKS_NS = tuple(START_NS + k * 100 * MS for k in range(6))
 SIZE_M = (0.3, 0.2, 1.0)
+Point3 = tuple[float, float, float]
 PLACES = {1: (0.05, 0.0, 0.3), 2: (0.53, 0.41, 0.0)}
 LIVES_NS = {
     1: (START_NS - 10 * MS, START_NS + 350 * MS),
@@ -961,6 +962,60 @@ def test_a_range_is_judged_like_a_beam(right: Draft, tmp_path: Path) -> None:
     told = results_of(draft, tmp_path)["scans"].sentence()
     assert "/ar_builder/range" in told
     assert "has no scan of this stamp that came in" in told
+
+
+def _with_cloud(draft: Draft, real_m: list[Point3], ours_m: list[Point3], ring: int = 4) -> Draft:
+    """Add a cloud of the laser, its points before and after; the last one after has this ring."""
+    for topic, points_m, late_ns in (("/lidar", real_m, MS), (OUT + "points", ours_m, 5 * MS)):
+        rows = np.zeros(len(points_m), [("xyz", "<f4", 3), ("ring", "<u2"), ("intensity", "<f4")])
+        rows["xyz"], rows["ring"], rows["intensity"] = points_m, 4, 9.0
+        if topic != "/lidar":
+            rows["ring"][-1], rows["intensity"][-1] = ring, 0.0
+        layout = (("x", 0, 7), ("y", 4, 7), ("z", 8, 7), ("ring", 12, 4), ("intensity", 14, 7))
+        message = MAKE(
+            "sensor_msgs/msg/PointCloud2",
+            header=make_header(SCAN_NS, "laser"),
+            height=1,
+            width=len(rows),
+            fields=[
+                MAKE("sensor_msgs/msg/PointField", name=name, offset=at, datatype=kind, count=1)
+                for name, at, kind in layout
+            ],
+            point_step=18,
+            row_step=18 * len(rows),
+            data=rows.view(np.uint8).reshape(-1),
+        )
+        draft.types[topic] = "sensor_msgs/msg/PointCloud2"
+        draft.messages[topic] = [(SCAN_NS + late_ns, message)]
+    return draft
+
+
+def test_a_cloud_is_judged_point_by_point(right: Draft, tmp_path: Path) -> None:
+    """Points come nearer on their rays, to an artefact, and keep the rest."""
+    x, y, yaw = PLACES[1]
+    start_m, centre_m = np.array((*ROBOT, 0.3)), np.array((x, y, 0.5))
+    near_m = float(distances_m(start_m[None], centre_m, yaw, 0.5 * np.array(SIZE_M))[0])
+    toward = math.atan2(y - ROBOT[1], x - ROBOT[0])
+
+    def at(far_m: float, off: float = 0.0) -> Point3:
+        return far_m * math.cos(toward + off), far_m * math.sin(toward + off), 0.0
+
+    far, hit = at(near_m + 1.0), at(near_m + 0.05)
+    for real_m, ours_m, ring, wrong in (
+        ([far], [hit], 4, ""),
+        ([far], [far, hit], 4, ""),
+        ([far], [at(near_m - 0.3)], 4, "ends of changed beams"),
+        ([far], [far, at(near_m + 0.5)], 4, "ends of changed beams"),
+        ([far], [at(near_m + 0.05, 0.01)], 4, "scans"),
+        ([hit], [far], 4, "scans"),
+        ([far], [hit], 5, "scans"),
+        ([far, far], [hit], 4, "scans"),
+    ):
+        draft = _with_cloud(copy.deepcopy(right), real_m, ours_m, ring)
+        results = results_of(draft, tmp_path)
+        assert results["scans"].looked_at == 3
+        failed = {name: r.sentence() for name, r in results.items() if r.outcome is Outcome.FAILED}
+        assert set(failed) == ({wrong} if wrong else set()), (ours_m, failed)
 
 
 def test_memory_and_gate_decide_what_the_map_shows(right: Draft, tmp_path: Path) -> None:

@@ -3,8 +3,11 @@
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 
+from are_ros.messages.common import make_time
+from are_ros.messages.maps import read_points
 from tests.ros import NOT_SET_UP
 
 pytest.importorskip("rclpy", reason=NOT_SET_UP)
@@ -13,9 +16,11 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from tests.node.live_bench import DELETE_ALL, LATCHED, Bench
 from tests.node.live_scene import (
+    FACTORY,
     camera_info,
     cloud,
     laser_mount,
+    ns,
     odometry,
     pose_at,
     robot_at,
@@ -205,6 +210,26 @@ def test_a_range_sensor_meets_what_is_before_it(make_bench: MakeBench) -> None:
     bench.tick(1000.2)
     bench.until(lambda: ranges)
     assert ranges[-1].range == pytest.approx(1.3, abs=0.01), "the post's front"
+
+
+def test_a_point_cloud_meets_what_is_before_it(make_bench: MakeBench) -> None:
+    """By default that of `points`; what is behind the artefact moves onto it."""
+    bench = make_bench({}, "configure", "activate")
+    clouds = bench.listen("points", "sensor_msgs/msg/PointCloud2")
+    bench.clock(1000.0)
+    bench.send("map", room())
+    bench.send("tf_static", laser_mount())
+    bench.send("tf", robot_at(1000.0))
+    bench.tick(1000.1)
+    bench.spawn(pose_at(2.5, 2.0), label="post")
+    bench.send("tf", robot_at(1000.2))
+    message = cloud([(2.5, 0.0, 0.0), (0.0, 1.5, 0.0)], "laser")
+    message.header.stamp = make_time(FACTORY, ns(1000.15))
+    bench.send("points", message)
+    bench.tick(1000.2)
+    bench.until(lambda: clouds)
+    points_m = read_points(clouds[-1])
+    np.testing.assert_allclose(points_m, [(1.3, 0.0, 0.0), (0.0, 1.5, 0.0)], atol=0.01)
 
 
 def test_inputs_can_be_remapped(make_bench: MakeBench) -> None:

@@ -1,0 +1,116 @@
+"""Augmented point clouds beside their inputs: which points changed, and whether they may."""
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from are_ros.checks.oracle.solids import Cloud
+
+_FREE: Final = frozenset(
+    (
+        *("x", "y", "z", "range", "distance"),
+        *("intensity", "intensities", "reflectivity", "reflectance", "signal"),
+    )
+)
+"""Fields that are others where a point moved onto an artefact."""
+
+_SIZES: Final = (0, 1, 1, 2, 2, 4, 4, 4, 8)
+_NOTHING_M: Final = 1e-3
+_SAME_RAY: Final = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class SensorCloud:
+    """A sensor_msgs/PointCloud2 of a sensor: points (N, 3) in its frame, and the bytes of each."""
+
+    stamp_ns: int
+    at_ns: int
+    frame_id: str
+    points_m: NDArray[np.float64]
+    rows: NDArray[np.uint8]
+    layout: tuple[Any, ...]
+    height: int
+    is_kept: NDArray[np.bool_]
+
+    @classmethod
+    def of_message(cls, message: Any, at_ns: int) -> "SensorCloud":
+        """Return the cloud of a message; ValueError where x, y and z are not plain numbers."""
+        cloud = Cloud.of_message(message, at_ns)
+        used = np.asarray(message.data, np.uint8).reshape(message.height, message.row_step)
+        rows = used[:, : message.width * message.point_step].reshape(-1, message.point_step)
+        fields = [(one.name, one.offset, one.datatype, one.count) for one in message.fields]
+        is_kept = np.ones(message.point_step, np.bool_)
+        for name, offset, datatype, _ in fields:
+            if name in _FREE:
+                is_kept[offset : offset + _SIZES[datatype]] = False
+        stamp = message.header.stamp
+        return cls(
+            stamp.sec * 10**9 + stamp.nanosec,
+            at_ns,
+            cloud.frame_id,
+            cloud.centres_m,
+            rows,
+            (*fields, bool(message.is_bigendian), bool(message.is_dense), message.point_step),
+            int(message.height),
+            is_kept,
+        )
+
+    @property
+    def is_return(self) -> NDArray[np.bool_]:
+        """Which points (N,) came back: finite ones that are not at the sensor."""
+        is_finite = np.isfinite(self.points_m).all(axis=1)
+        away: NDArray[np.bool_] = np.linalg.norm(self.points_m, axis=1) > _NOTHING_M
+        return is_finite & away
+
+
+def changed_points(
+    real: SensorCloud, output: SensorCloud
+) -> tuple[str, NDArray[np.int64], NDArray[np.bool_]]:
+    """Return a fault or "", which points (M,) of the output changed, and which had no return.
+
+    Points may only come nearer on their rays, keep all that does not depend on that, and follow
+    the others where the cloud is not organised.
+    """
+    fault, count = _layout_fault(real, output), len(real.rows)
+    if fault:
+        return fault, np.empty(0, np.int64), np.empty(0, np.bool_)
+    changed = np.flatnonzero((output.rows[:count] != real.rows).any(axis=1))
+    which = np.concatenate((changed, np.arange(count, len(output.rows))))
+    had = np.zeros(len(which), np.bool_)
+    had[: len(changed)] = real.is_return[changed]
+    return _points_fault(real, output, changed, which[had]), which, ~had
+
+
+def _layout_fault(real: SensorCloud, output: SensorCloud) -> str:
+    """Return what is wrong with fields and sizes, empty if nothing is."""
+    ours, theirs = len(output.rows), len(real.rows)
+    if output.layout != real.layout:
+        return "has other fields than its input"
+    is_organised = real.height > 1
+    if output.height != real.height or ours < theirs or (is_organised and ours > theirs):
+        return f"has {ours} points in {output.height} rows, its input {theirs} in {real.height}"
+    return ""
+
+
+def _points_fault(
+    real: SensorCloud,
+    output: SensorCloud,
+    changed: NDArray[np.int64],
+    returns: NDArray[np.int64],
+) -> str:
+    """Return what is wrong with changed points of the input (K,), of which some (R,) had a return.
+
+    Empty if nothing is.
+    """
+    before_m, after_m = real.points_m[returns], output.points_m[returns]
+    far_m, near_m = np.linalg.norm(before_m, axis=1), np.linalg.norm(after_m, axis=1)
+    aside = np.linalg.norm(np.cross(before_m, after_m), axis=1) > _SAME_RAY * far_m * far_m
+    wrong = ~(near_m <= far_m) | aside
+    if wrong.any():
+        return f"moved point {returns[np.argmax(wrong)]} away, or off its ray"
+    is_kept = (output.rows[changed] == real.rows[changed])[:, real.is_kept].all(axis=1)
+    if not is_kept.all():
+        return f"changed more of point {changed[np.argmin(is_kept)]} than where it is"
+    return ""
