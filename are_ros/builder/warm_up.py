@@ -19,6 +19,7 @@ from are_ros.agents.simulate import CrowdSimulator
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import collision_resolver
 from are_ros.builder.sensors.laser_scan import LaserScan
+from are_ros.builder.sensors.point_cloud import CloudField, PointCloud
 from are_ros.builder.tick import EVERYTHING, Demand
 from are_ros.conventions import FREE, NS_PER_S, OCCUPIED
 from are_ros.errors import PlacementError
@@ -62,7 +63,8 @@ class WarmUpNeeds:
 
     demand: Demand = EVERYTHING
     has_scans: bool = True
-    has_cloud: bool = True
+    has_clouds: bool = True
+    has_voxels: bool = True
 
 
 ALL: Final = WarmUpNeeds()
@@ -281,12 +283,14 @@ class _Scene:
         builder = self._builder
         builder.reconfigure(self._parameters, self._tick * _TICK_NS)
         builder.demand = self._needs.demand
-        if self._needs.has_cloud:
-            builder.receive_cloud(_cloud(), "map", self._tick * _TICK_NS, 0.1)
+        if self._needs.has_voxels:
+            builder.receive_cloud(_voxels(), "map", self._tick * _TICK_NS, 0.1)
         for i in range(_TICKS):
             now_ns = self._move()
             if self._needs.has_scans:
                 builder.receive_reading("scan", _scan(now_ns), now_ns)
+            if self._needs.has_clouds:
+                builder.receive_reading("points", _cloud(now_ns), now_ns)
             if i == 1:
                 builder.receive_camera(_lens(), now_ns)
                 pose = GroundPose(2.0, 1.5, 0.0, 0.1)
@@ -350,7 +354,7 @@ def _room() -> OccupancyGrid:
     return OccupancyGrid(cells, 0.05, RigidTransform.planar(-3.0, -3.0, 0.0), "map")
 
 
-def _cloud() -> npt.NDArray[np.float32]:
+def _voxels() -> npt.NDArray[np.float32]:
     """Return a wall and some floor, as voxel centres."""
     side = np.arange(10) * 0.1 + 0.05
     wall = np.array([(2.85, y, z) for y in side for z in side])
@@ -369,3 +373,12 @@ def _scan(stamp_ns: int) -> LaserScan:
     ranges[::2] = np.inf
     none = np.empty(0, dtype=np.float32)
     return LaserScan("base_link", stamp_ns, -3.1, 3.1, 6.2 / 35, 0.0, 0.1, 0.05, 8.0, ranges, none)
+
+
+def _cloud(stamp_ns: int) -> PointCloud:
+    """Return a row of points at 2.5 m, with a gap."""
+    angles = np.delete(np.arange(40), slice(10, 14)) * 0.1
+    points_m = 2.5 * np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=1)
+    fields = tuple(CloudField(axis, 4 * k, 7) for k, axis in enumerate("xyz"))
+    data = points_m.astype("<f4").view(np.uint8).reshape(1, -1)
+    return PointCloud("base_link", stamp_ns, fields, False, True, len(angles), 12, data)

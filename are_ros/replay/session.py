@@ -155,9 +155,12 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
                 builder.await_camera()
             elif options.parameters.camera.model is CameraModel.AUTO:
                 say(f"no camera in the recording: {builder.use_default_camera()}")
-            has_cloud = options.octomap_file is not None or roles.topic(_CLOUD_ROLE) is not None
+            kinds = {kind.role for kind in sensor_topics(replay.role_of_topic).values()}
             needs = WarmUpNeeds(
-                options.demand, bool(sensor_topics(replay.role_of_topic)), has_cloud
+                options.demand,
+                has_scans=bool(kinds & {"scan", "range"}),
+                has_clouds="points" in kinds,
+                has_voxels=options.octomap_file is not None or roles.topic(_CLOUD_ROLE) is not None,
             )
             with said_if_slow(say, _PREPARING), KernelBar() as bar:
                 warm_up(catalogue, needs=needs, count=bar.count)
