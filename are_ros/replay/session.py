@@ -47,7 +47,7 @@ from are_ros.replay.timeline import (
 from are_ros.wording import counted
 from are_ros.world.map_io import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.octomap_io import read_octomap_file
+from are_ros.world.voxel_files.octomap import read_octomap_file
 from are_ros.world.voxel_map import VoxelMap
 
 # Map and octomap from files beside the recording.
