@@ -11,6 +11,7 @@ from are_ros.cli.options import (
     IMPERFECT,
     SECONDS,
     animate_option,
+    octomap_option,
     parameter_options,
     recording_options,
     say,
@@ -22,7 +23,7 @@ _SKIPPABLE = ("perception", "grids", "markers")
 
 @click.command(short_help="Replay a recording with artefacts in it.")
 @recording_options
-@click.option("--octomap", "octomap_file", metavar="FILE.bt", type=FILE, help="OctoMap file.")
+@octomap_option
 @start_option
 @click.option("--duration", "duration_s", type=SECONDS, help="Length to replay.")
 @click.option("--out", type=FILE, default=Path("out"), show_default=True, help="Output folder.")

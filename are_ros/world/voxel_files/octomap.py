@@ -86,7 +86,11 @@ def _is_full(path: Path, data: bytes) -> bool:
     is_full = data.startswith(_FIRST_LINE_OF_OT)
     if not is_full and not data.startswith(_FIRST_LINE):
         known = f"'{_FIRST_LINE.decode()}' or '{_FIRST_LINE_OF_OT.decode()}'"
-        raise MapError(f"{path}: this is no octomap, its first line is not {known}")
+        message = (
+            f"{path}: this is no octomap, its first line is not {known}; the names of point clouds"
+            " end in .pcd or .ply"
+        )
+        raise MapError(message)
     return is_full
 
 

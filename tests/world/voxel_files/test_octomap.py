@@ -234,8 +234,9 @@ def as_full(codes: bytes, kind: str) -> bytes:
         kinds = [word >> (2 * number) & 3 for number in range(8)]
         inner = {number: subtree() for number, code in enumerate(kinds) if code == 3}
         leaves = {1: written(FREE, []), 2: written(OCCUPIED, [])}
-        # The log odds of an inner node tell of its children, not of a leaf: they must not count.
-        return written(OCCUPIED, [inner.get(n, leaves.get(code)) for n, code in enumerate(kinds)])
+        # Those of an inner node must not count, but one without children is a leaf of a full tree.
+        log_odds = OCCUPIED if any(kinds) else FREE
+        return written(log_odds, [inner.get(n, leaves.get(k)) for n, k in enumerate(kinds)])
 
     return subtree()
 
