@@ -33,12 +33,12 @@ from are_ros.world.cameras import ViewModel
 from are_ros.world.footprint import Footprint
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.surface import boxes_of
 from are_ros.world.voxel_map import VoxelMap
 
 Floats = npt.NDArray[np.float64]
 Points = npt.NDArray[np.float32]
 Faces = npt.NDArray[np.uint32]
-Indices = npt.NDArray[np.int64]
 
 MISSING_VISER: Final = (
     "the viewer needs viser: `pip install viser`, or `pip install 'are_ros[view]'`; "
@@ -696,30 +696,3 @@ def between(voxels: VoxelMap, low_m: float, high_m: float) -> VoxelMap | None:
     lift = np.array((0.0, 0.0, layers[0] * z_m))
     lifted = RigidTransform(pose.translation_m + lift, pose.rotation_xyzw)
     return VoxelMap(lifted, voxels.voxel_size_m, part)
-
-
-def boxes_of(occupied: npt.NDArray[np.uint8]) -> tuple[Indices, Indices]:
-    """Return the low and high corners, int64 (N, 3), of boxes that fill the occupied voxels.
-
-    Voxels side by side are merged into rows, equal rows into plates, equal plates into boxes.
-    """
-    low = np.argwhere(occupied)
-    high = low + 1
-    for axis in (1, 0, 2):
-        low, high = _merged(low, high, axis)
-    return low, high
-
-
-def _merged(low: Indices, high: Indices, axis: int) -> tuple[Indices, Indices]:
-    """Merge boxes that differ along one axis only, and touch there."""
-    if not len(low):
-        return low, high
-    sides = np.delete(np.hstack((low, high)), (axis, axis + 3), axis=1)
-    order = np.lexsort((low[:, axis], *sides.T))
-    low, high, sides = low[order], high[order], sides[order]
-    is_joined = (np.diff(sides, axis=0) == 0).all(axis=1) & (low[1:, axis] == high[:-1, axis])
-    first = np.flatnonzero(np.append(True, ~is_joined))
-    last = np.append(first[1:], len(low)) - 1
-    tops = high[first]
-    tops[:, axis] = high[last, axis]
-    return low[first], tops
