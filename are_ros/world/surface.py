@@ -4,16 +4,20 @@ Faces in one plane are merged into rectangles. A rectangle has a vertex wherever
 one lies on its sides, so that neighbours share their edges and the surface is closed.
 """
 
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_map import VoxelMap
 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
+_TOP: Final = 5
 _CORNERS: Final = ((0, 0), (1, 0), (1, 1), (0, 1))
 """Whether a corner of a rectangle is at the high end of its first side, and of its second."""
 
@@ -36,12 +40,23 @@ def exposed_surface(voxels: VoxelMap) -> Surface:
     return Surface(voxels.map_from_lattice.apply(corners * np.array(voxels.voxel_size_m)), faces)
 
 
-def lattice_surface(occupied: npt.NDArray[np.uint8]) -> tuple[Floats, Indices]:
+def level_surface(grid: OccupancyGrid, mask: npt.NDArray[np.bool_], height_m: float) -> Surface:
+    """Return the cells of a mask (height, width) as a level sheet at a height, normals upward."""
+    layer = np.ascontiguousarray(mask.T[:, :, np.newaxis]).astype(np.uint8)
+    corners, faces = lattice_surface(layer, (_TOP,))
+    x, y, _ = grid.origin.translation_m
+    origin = RigidTransform(np.array((x, y, height_m)), grid.origin.rotation_xyzw)
+    return Surface(origin.apply(corners * (grid.resolution_m, grid.resolution_m, 0.0)), faces)
+
+
+def lattice_surface(
+    occupied: npt.NDArray[np.uint8], sides: Sequence[int] = tuple(range(6))
+) -> tuple[Floats, Indices]:
     """Return vertices (V, 3), in voxels, and faces (F, 3) of the exposed surface.
 
-    `occupied` is uint8 (nx, ny, nz) of 0 and 1.
+    `occupied` is uint8 (nx, ny, nz) of 0 and 1; the sides are -x, +x, -y, +y, -z, +z.
     """
-    parts = [_rectangles(occupied, side) for side in range(6)]
+    parts = [_rectangles(occupied, side) for side in sides]
     corners = np.concatenate(parts).reshape(-1, 4, 3)
     counts = np.array(occupied.shape) + 1
     strides = np.array((counts[1] * counts[2], counts[2], 1))
@@ -68,10 +83,7 @@ def boxes_of(occupied: npt.NDArray[np.uint8]) -> tuple[Indices, Indices]:
 
 
 def _rectangles(occupied: npt.NDArray[np.uint8], side: int) -> Indices:
-    """Return the corners (R, 4, 3) of rectangles of exposed faces, anticlockwise from outside.
-
-    The sides are -x, +x, -y, +y, -z, +z.
-    """
+    """Return the corners (R, 4, 3) of rectangles of exposed faces, anticlockwise from outside."""
     axis, is_high = divmod(side, 2)
     first, second = (axis + 1) % 3, (axis + 2) % 3
     beside = np.roll(occupied, -1 if is_high else 1, axis=axis)
