@@ -53,6 +53,8 @@ class ArBuilder(Simulation):
         self._sensors.prepare(environment)
         if self.demand.grids:
             self._grids.prepare(environment)
+        if self.demand.markers and self._surroundings is not None:
+            self._surroundings.prepare(environment.voxels)
 
     def prepare_camera(self) -> None:
         """Compute what another camera needs, so that the first tick that looks does not have to."""

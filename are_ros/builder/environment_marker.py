@@ -31,7 +31,12 @@ class EnvironmentDisplay:
     def __init__(self) -> None:
         self._voxels: VoxelMap | None = None
         self._look: MarkerLook | None = None
-        self._is_shown = False
+        self._shown: MarkerLook | None = None
+
+    def prepare(self, voxels: VoxelMap | None) -> None:
+        """Compute the surface now, so that the next tick does not have to."""
+        if voxels is not self._voxels:
+            self._voxels, self._look = voxels, _look_of(voxels)
 
     def added_to(self, markers: MarkerBatch, voxels: VoxelMap | None) -> MarkerBatch:
         """Return the markers of a tick, with what brings viewers up to date with the voxels.
@@ -40,14 +45,11 @@ class EnvironmentDisplay:
         there is no surface any more. `voxels` that did not change are the same object.
         """
         if markers.looks[:1] == DELETE_ALL.looks:
-            self._is_shown = False
-        was_shown = self._is_shown
-        if voxels is not self._voxels:
-            self._voxels, self._look = voxels, _look_of(voxels)
-            self._is_shown = False
-        if self._is_shown or (self._look is None and not was_shown):
+            self._shown = None
+        self.prepare(voxels)
+        if self._look is self._shown:
             return markers
-        self._is_shown = self._look is not None
+        self._shown = self._look
         return markers.followed_by(MarkerBatch.unposed([self._look or _DELETE], [0]))
 
 

@@ -55,6 +55,7 @@ def test_other_voxels_are_another_surface() -> None:
     after = display.added_to(NO_MARKERS, voxels(5)).looks
     assert [look.action for look in (*before, *after)] == [MarkerAction.ADD] * 2
     assert np.ptp(after[0].points, axis=0).max() > np.ptp(before[0].points, axis=0).max()
+    display.prepare(none)
     assert actions(display.added_to(NO_MARKERS, none)) == [MarkerAction.DELETE]
     assert display.added_to(NO_MARKERS, none) is NO_MARKERS
     assert display.added_to(DELETE_ALL, None) is DELETE_ALL
