@@ -21,6 +21,7 @@ OCCUPIED_LOG_ODDS: Final = 0.0
 """OctoMap's occupancy threshold, a probability of 0.5."""
 
 _TREE_DEPTH: Final = 16
+_WIDEST_M: Final = 1000.0
 _FIRST_LINE: Final = b"# Octomap OcTree binary file"
 _FIRST_LINE_OF_OT: Final = b"# Octomap OcTree file"
 _NODES: Final = {
@@ -107,8 +108,10 @@ def _resolution_m(path: Path, fields: dict[str, str]) -> float:
         resolution_m = float(text)
     except ValueError:
         resolution_m = math.nan
-    if not (math.isfinite(resolution_m) and resolution_m > 0.0):
-        raise MapError(f"{path}: the octomap's res is {text!r}, not a positive length")
+    if not 0.0 < resolution_m <= _WIDEST_M:  # nan is neither
+        raise MapError(
+            f"{path}: the octomap's res is {text[:20]!r}, not a positive length of a voxel"
+        )
     return resolution_m
 
 
