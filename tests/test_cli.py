@@ -16,7 +16,7 @@ from are_ros.errors import BagError
 
 PROJECT = Path(__file__).resolve().parents[1]
 SAMPLE = PROJECT / "bags" / "sample_office.mcap"
-OFFLINE = ("replay", "inspect", "align", "describe", "check", "view", "fit", "soak")
+OFFLINE = ("replay", "inspect", "align", "describe", "check", "view", "export", "fit", "soak")
 COMMANDS = (*OFFLINE, "node", "guard", "play", "record", "demo")
 
 

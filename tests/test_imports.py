@@ -21,7 +21,7 @@ LAYERS = (
     ("draw",),
     ("node", "checks"),
     ("replay",),
-    ("record", "fit"),
+    ("record", "fit", "export"),
     ("lab",),
     ("cli",),
     ("__main__",),

@@ -32,6 +32,7 @@ class ArBuilder(Simulation):
         self._gate = assembly.gate(parameters)
         self._grids = assembly.grid_augmentation(parameters)
         self._display = assembly.display(parameters, self._meshes)
+        self._surroundings = assembly.environment_display(parameters)
         self._is_redraw_due = False
         self._seen: dict[int, str] = {}
         self._clutter_ratio = _NAN
@@ -52,6 +53,8 @@ class ArBuilder(Simulation):
         self._sensors.prepare(environment)
         if self.demand.grids:
             self._grids.prepare(environment)
+        if self.demand.markers and self._surroundings is not None:
+            self._surroundings.prepare(environment.voxels)
 
     def prepare_camera(self) -> None:
         """Compute what another camera needs, so that the first tick that looks does not have to."""
@@ -110,6 +113,7 @@ class ArBuilder(Simulation):
             self._gate = assembly.gate(parameters)
         if parameters.markers != before.markers:
             self._display = assembly.display(parameters, self._meshes)
+            self._surroundings = assembly.environment_display(parameters)
 
     def step(self, now_ns: int) -> Tick:
         """Run one tick: occlude, register, gate, augment (section 3.3)."""
@@ -191,4 +195,9 @@ class ArBuilder(Simulation):
         if not self.demand.markers:
             return NO_MARKERS
         everything, self._is_redraw_due = self._is_redraw_due, False
-        return self._display.update(now_ns, scene, observation.sightings, everything=everything)
+        seen = observation.sightings
+        markers = self._display.update(now_ns, scene, seen, everything=everything)
+        environment = self.lives.environment
+        if self._surroundings is None or environment is None:
+            return markers
+        return self._surroundings.added_to(markers, environment.voxels)

@@ -8,6 +8,7 @@ from are_ros.agents.collisions import CollisionResolver, ContactPolicy, Displace
 from are_ros.agents.robots import RobotTracker
 from are_ros.builder.costmap.augmented_map import GridAugmentation
 from are_ros.builder.costmap.inflation import InflatedCostmap
+from are_ros.builder.environment_marker import EnvironmentDisplay
 from are_ros.builder.files.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
 from are_ros.builder.gates import GateMemory, OpenGate, gate_of
 from are_ros.builder.markers import MarkerDisplay
@@ -116,6 +117,11 @@ def display(parameters: Parameters, meshes: MeshBank) -> MarkerDisplay:
     """Return what draws the artefacts, in `markers.shape` and with `markers.labels`."""
     markers = parameters.markers
     return MarkerDisplay(markers.labels, meshes if markers.shape is Shape.MESH else None)
+
+
+def environment_display(parameters: Parameters) -> EnvironmentDisplay | None:
+    """Return what draws the environment's surface, None unless that is asked for."""
+    return EnvironmentDisplay() if parameters.markers.environment else None
 
 
 def set_static_frames(parameters: Parameters, frames: FrameTree) -> None:

@@ -79,8 +79,8 @@ class MarkerLook:
     """A visualization_msgs/Marker but for its id, its pose and its stamp.
 
     `points` float64 (P, 3) [m] and `colours` float32 (P, 4) or (0, 4) are a TRIANGLE_LIST's,
-    relative to the pose. What an action does not use has a valid default. Artefacts that look the
-    same share their looks.
+    relative to the pose. A lifetime of 0 is endless. What an action does not use has a valid
+    default. Artefacts that look the same share their looks.
     """
 
     namespace: str
@@ -91,6 +91,7 @@ class MarkerLook:
     text: str = ""
     points: Floats = field(default_factory=lambda: NO_POINTS)
     colours: Colours = field(default_factory=lambda: NO_COLOURS)
+    lifetime_ns: int = LIFETIME_NS
 
 
 Looks = tuple[MarkerLook, ...]

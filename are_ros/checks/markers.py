@@ -19,9 +19,16 @@ FADING_NS: Final = 3 * NS_PER_S
 
 _FOREVER_NS: Final = 2**63 - 1
 _BODY, _LABEL = "body", "label"
+_ENVIRONMENT: Final = "environment"
+"""The namespace of the real place, which is no artefact: it stays, and does not fade."""
 _ID_RANGE: Final = 2**31
 _REFRESH_NS: Final = 13 * NS_PER_S // 10
 """Live: after this time a viewer knows every artefact, for each is sent again every second."""
+
+
+def _of_artefacts(show: MarkerShow) -> tuple[MarkerChange, ...]:
+    """Return what a message does to the markers of artefacts."""
+    return tuple(change for change in show.changes if change.key[0] != _ENVIRONMENT)
 
 
 @dataclass
@@ -114,7 +121,7 @@ def check_marker_state(record: Record) -> CheckResult:
         if record.runs.is_beginning(scene.stamp_ns):
             viewer.until_ns.clear()  # markers may have been deleted in the gap
         for show in shows:
-            for change in show.changes:
+            for change in _of_artefacts(show):
                 viewer.take(show.at_ns, change)
         since_ns = _sure_since(record, scene, shows, since_ns)
         if since_ns is None or scene.stamp_ns < since_ns:
@@ -184,7 +191,7 @@ def check_marker_fading(record: Record) -> CheckResult:
     viewer = _Viewer()
     for show in record.shows:
         _check_ended(tally, viewer.until_ns, ends, show.at_ns)
-        for change in show.changes:
+        for change in _of_artefacts(show):
             if change.action == ADD:
                 tally.look()
                 if not 0 < change.lifetime_ns <= FADING_NS:

@@ -11,6 +11,7 @@ from are_ros.cli.options import (
     IMPERFECT,
     SECONDS,
     animate_option,
+    octomap_option,
     parameter_options,
     recording_options,
     say,
@@ -22,7 +23,7 @@ _SKIPPABLE = ("perception", "grids", "markers")
 
 @click.command(short_help="Replay a recording with artefacts in it.")
 @recording_options
-@click.option("--octomap", "octomap_file", metavar="FILE.bt", type=FILE, help="OctoMap file.")
+@octomap_option
 @start_option
 @click.option("--duration", "duration_s", type=SECONDS, help="Length to replay.")
 @click.option("--out", type=FILE, default=Path("out"), show_default=True, help="Output folder.")
@@ -213,6 +214,38 @@ def view(
     view_recording(recording, out or picture_beside(recording, VIEW), say)
 
 
+@click.command(short_help="Write the scene of a recording for other programs.")
+@click.argument("recording", metavar="RECORDING", type=FILE)
+@click.option(
+    "--mesh",
+    metavar="FILE",
+    type=FILE,
+    help="The place and the artefacts as a mesh: a .glb of named nodes, or a .ply.",
+)
+@click.option(
+    "--at", "at_s", type=SECONDS, help="Time of the scene, from the first tick on. [last]"
+)
+@octomap_option
+def export(
+    recording: Path, mesh: Path | None, at_s: float | None, octomap_file: Path | None
+) -> None:
+    """Write what a recording holds into files of other programs.
+
+    RECORDING is a result of `are replay`, `are demo` or `are record`, or any recording of the
+    node's topics.
+
+    With --mesh the scene at one time: the surface of what stands in the place (the octomap, or the
+    walls of the map), its floor, and the artefacts where they were, coloured by class. Lengths are
+    metres. A PLY is one mesh in the map's frame, z up. In a GLB each artefact is a node, named by
+    its label and id; y is up, as its standard says.
+    """
+    if mesh is None:
+        raise click.UsageError("Nothing to write: give --mesh FILE.glb or --mesh FILE.ply")
+    from are_ros.export.command import MeshOptions, export_mesh
+
+    export_mesh(say, MeshOptions(recording, mesh, at_s, octomap_file))
+
+
 # The command of `are` that fits the mixture of Eq. 1 to observed rows.
 
 
@@ -273,4 +306,4 @@ def fit(**options: Any) -> None:
     fit_command(click.echo, say, FitOptions(**options))
 
 
-COMMANDS = (replay, inspect, align, describe, check, view, fit)
+COMMANDS = (replay, inspect, align, describe, check, view, export, fit)

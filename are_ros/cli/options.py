@@ -130,6 +130,19 @@ def start_option(command: _Command) -> _Command:
     )
 
 
+def octomap_option(command: _Command) -> _Command:
+    """Add --octomap, the file that M3D comes from."""
+    option = click.option(
+        "--octomap",
+        "octomap_file",
+        metavar="FILE",
+        type=FILE,
+        help="Occupied space: OctoMap (.bt, .ot), or a point cloud (.pcd, .ply) or a mesh (.ply), "
+        "whose voxels are world.voxel_size wide.",
+    )
+    return option(command)
+
+
 def parameter_options(command: _Command) -> _Command:
     """Add the options that make up the effective parameters."""
     for option in (

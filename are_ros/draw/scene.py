@@ -258,17 +258,22 @@ class SceneRecord:
 
     def moments(self, every: int = 1) -> Iterator[Moment]:
         """Yield every `every`-th tick from the first on, without events and metrics."""
-        lives = [life for life in self.lives if len(life.footprints)]
         for stamp_ns in self.series.stamps_ns[::every].tolist():
-            there = [life for life in lives if life.is_present_at(stamp_ns)]
-            yield Moment(
-                stamp_ns,
-                [life.at(stamp_ns) for life in there],
-                frozenset(life.artefact_id for life in there if life.is_perceived_at(stamp_ns)),
-                self.base.transform_at(stamp_ns),
-                self.camera.transform_at(stamp_ns),
-                scans=self.scans.get(stamp_ns, ()),
-            )
+            yield self.moment(stamp_ns)
+
+    def moment(self, stamp_ns: int) -> Moment:
+        """Return the tick of this very stamp, without events and metrics."""
+        there = [
+            life for life in self.lives if len(life.footprints) and life.is_present_at(stamp_ns)
+        ]
+        return Moment(
+            stamp_ns,
+            [life.at(stamp_ns) for life in there],
+            frozenset(life.artefact_id for life in there if life.is_perceived_at(stamp_ns)),
+            self.base.transform_at(stamp_ns),
+            self.camera.transform_at(stamp_ns),
+            scans=self.scans.get(stamp_ns, ()),
+        )
 
     @property
     def duration_ns(self) -> int:

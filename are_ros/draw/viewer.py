@@ -33,12 +33,12 @@ from are_ros.world.cameras import ViewModel
 from are_ros.world.footprint import Footprint
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.surface import boxes_of
 from are_ros.world.voxel_map import VoxelMap
 
 Floats = npt.NDArray[np.float64]
 Points = npt.NDArray[np.float32]
 Faces = npt.NDArray[np.uint32]
-Indices = npt.NDArray[np.int64]
 
 MISSING_VISER: Final = (
     "the viewer needs viser: `pip install viser`, or `pip install 'are_ros[view]'`; "
@@ -58,7 +58,7 @@ _NEAR_M: Final = 2.0
 _GROUND_LIFT_M, _FAN_LIFT_M, _WAY_LIFT_M = 0.005, 0.02, 0.03
 _ROBOT_HEIGHT_M: Final = 0.3
 _LABEL_GAP_M: Final = 0.12
-_WALL: Final[Rgb] = (206, 209, 214)
+WALL: Final[Rgb] = (206, 209, 214)
 _VIRTUAL: Final[Rgb] = (224, 0, 122)
 _RETURN: Final[Rgb] = END
 _FIELD_OF_VIEW_RAD: Final = math.radians(45.0)
@@ -109,6 +109,29 @@ class View:
         noted = "".join(f"; {note}" for note in self.notes)
         size = f"{self.length_bytes / 1e6:.1f} MB, {counted(self.ticks, 'tick')}"
         return f"view: {self.path} ({size}{noted})"
+
+
+class ArtefactBodies:
+    """The meshes and colours of artefacts: those of a catalogue, else boxes; each is made once."""
+
+    def __init__(self, catalogue: Catalogue) -> None:
+        self._rows = {row.index: row for row in catalogue.rows}
+        self._colours = class_colours([row.class_name for row in catalogue.rows])
+        self._meshes: dict[tuple[object, ...], tuple[Points, Faces]] = {}
+
+    def mesh(self, row: CatalogueRow) -> tuple[Points, Faces]:
+        """Return vertices (V, 3) [m] and faces (F, 3) in F_A; of equal rows the same arrays."""
+        key = (row.index, row.label, row.size_m, row.box_centre_in_artefact_m)
+        if key not in self._meshes:
+            known = self._rows.get(row.index)
+            self._meshes[key] = _mesh_of(known) if known and _fits(known, row) else _box_of(row)
+        return self._meshes[key]
+
+    def colour(self, class_name: str) -> Rgb:
+        """Return the colour of a class."""
+        if class_name not in self._colours:
+            self._colours = class_colours([*self._colours, class_name])
+        return self._colours[class_name]
 
 
 def has_viser() -> bool:
@@ -185,14 +208,12 @@ class ViewedScene:
         self._scene, self._place = scene, place
         self._part = known_part(place.grid)
         self._field = VoxelField.of(place.voxels)
-        self._bodies: dict[tuple[object, ...], tuple[Points, Faces]] = {}
-        self._rows = {row.index: row for row in place.catalogue.rows}
+        self._bodies = ArtefactBodies(place.catalogue)
         self._artefacts: dict[int, _Drawn] = {}
         self._robot: _Node | None = None
         self._camera: _Node | None = None
         self._fan: _Node | None = None
         self._scans: dict[str, _Node] = {}
-        self._colours = class_colours([row.class_name for row in place.catalogue.rows])
         self._ways: dict[str, Any] = {}
         scene.configure_default_lights(enabled=True, cast_shadow=True)
         self._layers = {
@@ -234,7 +255,7 @@ class ViewedScene:
         before, self._ways = self._ways, {}
         self._draw_way("/ways/robot", np.array(robot).reshape(-1, 2), ROBOT, 0.03)
         for number, points in ways.items():
-            colour = self._colour_of(class_of[number])
+            colour = self._bodies.colour(class_of[number])
             self._draw_way(f"/ways/{number}", np.array(points), colour, 0.012)
         for name in before.keys() - self._ways.keys():
             before[name].remove()
@@ -294,7 +315,7 @@ class ViewedScene:
             np.tile(np.array((1.0, 0.0, 0.0, 0.0), dtype=np.float32), (len(low), 1)),
             (0.5 * (low + high) * size_m).astype(np.float32),
             batched_scales=((high - low) * size_m).astype(np.float32),
-            batched_colors=_WALL,
+            batched_colors=WALL,
             lod="off",
             flat_shading=True,
             side="double",
@@ -400,12 +421,12 @@ class ViewedScene:
         drawn.show(one, is_perceived=is_perceived)
 
     def _new_artefact(self, one: ArtefactAt) -> "_Drawn":
-        vertices, faces = self._body_of(one.row)
+        vertices, faces = self._bodies.mesh(one.row)
         body = self._scene.add_mesh_simple(
             f"/artefacts/{one.artefact_id}",
             vertices,
             faces,
-            color=self._colour_of(one.row.class_name),
+            color=self._bodies.colour(one.row.class_name),
             flat_shading=True,
             side="double",
             opacity=_UNSEEN_OPACITY,
@@ -417,19 +438,6 @@ class ViewedScene:
             font_screen_scale=0.8,
         )
         return _Drawn(_Node(body), _Node(label))
-
-    def _body_of(self, row: CatalogueRow) -> tuple[Points, Faces]:
-        """Return the mesh of a row in F_A, or its box; equal ones are made once."""
-        key = (row.index, row.label, row.size_m, row.box_centre_in_artefact_m)
-        if key not in self._bodies:
-            known = self._rows.get(row.index)
-            self._bodies[key] = _mesh_of(known) if known and _fits(known, row) else _box_of(row)
-        return self._bodies[key]
-
-    def _colour_of(self, class_name: str) -> Rgb:
-        if class_name not in self._colours:
-            self._colours = class_colours([*self._colours, class_name])
-        return self._colours[class_name]
 
     def _show_scans(self, scans: Sequence[ScanPoints]) -> None:
         points = np.concatenate([np.empty((0, 3), np.float32), *(s.points_m for s in scans)])
@@ -696,30 +704,3 @@ def between(voxels: VoxelMap, low_m: float, high_m: float) -> VoxelMap | None:
     lift = np.array((0.0, 0.0, layers[0] * z_m))
     lifted = RigidTransform(pose.translation_m + lift, pose.rotation_xyzw)
     return VoxelMap(lifted, voxels.voxel_size_m, part)
-
-
-def boxes_of(occupied: npt.NDArray[np.uint8]) -> tuple[Indices, Indices]:
-    """Return the low and high corners, int64 (N, 3), of boxes that fill the occupied voxels.
-
-    Voxels side by side are merged into rows, equal rows into plates, equal plates into boxes.
-    """
-    low = np.argwhere(occupied)
-    high = low + 1
-    for axis in (1, 0, 2):
-        low, high = _merged(low, high, axis)
-    return low, high
-
-
-def _merged(low: Indices, high: Indices, axis: int) -> tuple[Indices, Indices]:
-    """Merge boxes that differ along one axis only, and touch there."""
-    if not len(low):
-        return low, high
-    sides = np.delete(np.hstack((low, high)), (axis, axis + 3), axis=1)
-    order = np.lexsort((low[:, axis], *sides.T))
-    low, high, sides = low[order], high[order], sides[order]
-    is_joined = (np.diff(sides, axis=0) == 0).all(axis=1) & (low[1:, axis] == high[:-1, axis])
-    first = np.flatnonzero(np.append(True, ~is_joined))
-    last = np.append(first[1:], len(low)) - 1
-    tops = high[first]
-    tops[:, axis] = high[last, axis]
-    return low[first], tops

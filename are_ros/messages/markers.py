@@ -11,7 +11,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.builder.markers import LIFETIME_NS, NO_MARKERS, MarkerBatch, MarkerLook
+from are_ros.builder.markers import NO_MARKERS, MarkerBatch, MarkerLook
 from are_ros.messages.cdr import CdrWriter, encapsulated, pack_time
 
 # Writing what changes of markers into the bytes of all of them, in machine code.
@@ -146,7 +146,7 @@ def _tail(look: MarkerLook) -> bytes:
     writer = CdrWriter()
     writer.pack(_POSE_AND_SCALE, 8, *_UNTURNED, *look.scale)
     writer.pack(_COLOUR, 4, *look.colour)
-    writer.time(LIFETIME_NS)
+    writer.time(look.lifetime_ns)
     writer.pack(_IS_FRAME_LOCKED, 1, False)
     writer.numbers(look.points, "<f8")
     writer.numbers(look.colours, "<f4")

@@ -420,6 +420,12 @@ class MarkersParameters:
     labels: Labels = parameter(
         Labels.PERCEIVED, "Which artefacts have their label shown above them.", live=True
     )
+    environment: bool = parameter(
+        False,
+        "The surface of the environment as triangles (namespace environment): of the octomap, or "
+        "of the walls; sent when it changes, and to a new viewer.",
+        live=True,
+    )
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,8 @@ def view_recording(recording: Path, page: Path, say: Say) -> None:
     """Write the page of a recording of the node's outputs, and say what it is. Raises AreError."""
     if not has_viser():
         raise BagError(MISSING_VISER)
-    scene = _read(recording, with_scans=True)
+    with ProgressBar("reading") as bar:
+        scene = read_recorded_scene(recording, bar.open, with_scans=True, with_voxels=True)
     path = recording.resolve()
     title = path.parent.name if path.name == RECORDING else path.stem
     views = scene.record.views
@@ -160,9 +161,9 @@ def _plotted(out: Path, name: str, draw: Callable[[Path], None]) -> Path:
     return path
 
 
-def _read(recording: Path, *, with_scans: bool = False) -> RecordedScene:
+def _read(recording: Path) -> RecordedScene:
     with ProgressBar("reading") as bar:
-        return read_recorded_scene(recording, bar.open, with_scans=with_scans)
+        return read_recorded_scene(recording, bar.open)
 
 
 def _say_if_without_robot(scene: RecordedScene, say: Say) -> None:

@@ -68,12 +68,16 @@ class RecordedScene:
 
 
 def read_recorded_scene(
-    path: Path, open_progress: OpenProgress, *, with_scans: bool = False
+    path: Path,
+    open_progress: OpenProgress,
+    *,
+    with_scans: bool = False,
+    with_voxels: bool = False,
 ) -> RecordedScene:
     """Return the scene of a recording of the node's outputs; `path` is as for `find_recording`.
 
     Where it holds no real map, the least of each cell of the augmented maps stands in; without
-    transforms there is no robot. Scans and voxels are read only `with_scans`. Raises BagError
+    transforms there is no robot. Scans and voxels are read only if asked for. Raises BagError
     where there is no recording, or no ground truth or no map in it, ParameterError for a bad
     effective.yaml.
     """
@@ -83,7 +87,7 @@ def read_recorded_scene(
         parameters = with_file(parameters, found.parameters)
     recorder = SceneRecorder.of(parameters, Catalogue(()))
     with Recording(found) as recording:
-        roles = _topics(recording, with_scans=with_scans)
+        roles = _topics(recording, with_scans=with_scans, with_voxels=with_voxels)
         has_camera_info = "camera/camera_info" in roles.values()
         reader = SceneReader(parameters, recorder.keep, has_camera_info=has_camera_info)
         start_ns, end_ns = recording.span_ns
@@ -104,11 +108,11 @@ def read_recorded_scene(
     return RecordedScene(record, grid, parameters, problem, voxels, reader.cloud_problem)
 
 
-def _topics(recording: Recording, *, with_scans: bool) -> dict[str, str]:
+def _topics(recording: Recording, *, with_scans: bool, with_voxels: bool) -> dict[str, str]:
     """Return the role of each topic that is read."""
     types = recording.types
     roles = find_roles(recording.topics, {})
-    found = roles.by_topic((*_ROLES, *([CLOUD] if with_scans else [])))
+    found = roles.by_topic((*_ROLES, *([CLOUD] if with_voxels else [])))
     chosen = {topic: role for topic, role in found.items() if PREFIX not in topic}
     if with_scans:
         for topic, type_name in types.items():

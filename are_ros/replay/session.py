@@ -47,7 +47,7 @@ from are_ros.replay.timeline import (
 from are_ros.wording import counted
 from are_ros.world.map_io import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.octomap_io import read_octomap_file
+from are_ros.world.voxel_files.reading import read_voxel_file
 from are_ros.world.voxel_map import VoxelMap
 
 # Map and octomap from files beside the recording.
@@ -57,22 +57,23 @@ from are_ros.world.voxel_map import VoxelMap
 class MapFiles:
     """The map and the octomap of files, None where there is none, both in the map's frame.
 
-    The cloud is the centres (N, 3) of the occupied voxels [m] and the size of a voxel [m], from
+    The cloud is points (N, 3) [m], the centres of voxels if their size [m] is known, from
     `octomap_file`.
     """
 
     grid: OccupancyGrid | None
-    cloud: tuple[npt.NDArray[np.floating], float] | None
+    cloud: tuple[npt.NDArray[np.floating], float | None] | None
     octomap_file: Path | None = None
 
     @classmethod
     def read(cls, options: ReplayOptions) -> "MapFiles":
         """Read the files that the options name; MapError if one cannot be."""
-        frame_id = options.parameters.frames.map
+        frame_id, path = options.parameters.frames.map, options.octomap_file
+        wanted_m = options.parameters.world.voxel_size or None
         return cls(
             None if options.map_file is None else read_map_file(options.map_file, frame_id),
-            None if options.octomap_file is None else read_octomap_file(options.octomap_file),
-            options.octomap_file,
+            None if path is None else read_voxel_file(path, wanted_m),
+            path,
         )
 
     def feed(self, builder: ArBuilder, now_ns: int) -> None:

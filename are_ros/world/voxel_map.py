@@ -472,6 +472,14 @@ class VoxelMap:
         corners = self.map_from_lattice.apply(np.argwhere(np.ones((2, 2, 2))) * size)
         return np.stack((corners.min(axis=0), corners.max(axis=0)))
 
+    def are_occupied(self, points_m: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        """Say of finite points (N, 3) of the map frame whether they are in an occupied voxel."""
+        voxels = self.points_to_voxels(points_m)
+        inside = np.flatnonzero(((voxels >= 0) & (voxels < self.occupied.shape)).all(axis=1))
+        found = np.zeros(len(voxels), dtype=np.bool_)
+        found[inside] = self.occupied[tuple(voxels[inside].T)] == 1
+        return found
+
     def points_to_voxels(self, points_m: npt.ArrayLike) -> npt.NDArray[np.int64]:
         """Return the voxels (N, 3) that hold finite points (N, 3) of the map frame.
 

@@ -6,8 +6,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from are_ros.draw.viewer import between, boxes_of, coarsened
+from are_ros.draw.viewer import between, coarsened
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.surface import boxes_of
 from are_ros.world.voxel_map import VoxelMap
 
 SIZE_M = (0.5, 0.25, 1.0)

@@ -12,7 +12,7 @@ pytest.importorskip("rclpy", reason=NOT_SET_UP)
 from are_msgs.msg import ArtefactEvent
 
 from tests.node.live_bench import DELETE_ALL, Bench
-from tests.node.live_scene import pose_at, robot_at, room
+from tests.node.live_scene import cloud, pose_at, robot_at, room, wall_voxels
 
 MakeBench = Callable[..., Bench]
 CUBE, TRIANGLE_LIST = 1, 11
@@ -71,6 +71,31 @@ def test_the_gate_of_the_grids_acts_at_once(bench: Bench) -> None:
         step(bench, (bench.node.now_ns() + 2 * 10**8) / 1e9)
         counts.append([grid[-1].data.tolist().count(100) - 4 * 39 for grid in (maps, costmaps)])
     assert counts == [[0, 0], [25, 25], [0, 0]]
+
+
+def test_the_surface_of_the_environment_comes_with_the_markers_by_choice(bench: Bench) -> None:
+    """It is sent once, of the walls of the room, and anew when there is an octomap."""
+    markers = bench.listen("markers")
+
+    def surfaces(t_s: float) -> list[int]:
+        """Return the numbers of points of the surfaces that came in a tick."""
+        markers.clear()
+        step(bench, t_s)
+        found = [m for batch in markers for m in batch.markers if m.ns == "environment"]
+        assert all((m.type, m.action, m.lifetime.sec) == (TRIANGLE_LIST, 0, 0) for m in found)
+        return [len(m.points) for m in found]
+
+    assert surfaces(1000.2) == []
+    assert bench.set(markers__environment=True) == ""
+    (of_walls,) = surfaces(1000.3)
+    assert of_walls > 3 * 12
+    assert surfaces(1000.4) == []
+    bench.send("octomap_point_cloud_centers", cloud(wall_voxels()))
+    (of_octomap,) = surfaces(1000.5)
+    assert of_octomap == 3 * 12
+    assert surfaces(1000.6) == []
+    assert bench.set(markers__environment=False) == ""
+    assert surfaces(1000.7) == []
 
 
 def test_the_shape_of_the_markers_acts_at_once(bench: Bench) -> None:

@@ -61,6 +61,9 @@ def _write_bad_texts(folder: Path) -> None:
         "bare.yaml": "ar_builder:\n  population: 3\n",
         "rows.yaml": "rows: 3\n",
         "cut.bt": "# Octomap OcTree binary file\nid OcTree\nsize 9\nres 0.1\ndata\na",
+        "cut.ot": "# Octomap OcTree file\nid OcTree\nsize 9\nres 0.1\ndata\na",
+        "cut.pcd": "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\n",
+        "cut.ply": "ply\nformat ascii 1.0\nelement vertex 3\n",
         "file": "in the way",
     }
     for name, text in texts.items():
@@ -130,9 +133,12 @@ CASES = (
     ((*MAP, "lost_image.yaml"), "lost_image.yaml: lost.pgm: the image cannot be read (No such"),
     ((*MAP, "cut_image.yaml"), "cut.pgm: the image is truncated, 3 pixels of 100"),
     (("describe", "--map", "none.yaml"), "none.yaml: the map file cannot be read"),
-    (("replay", "good.mcap", "--octomap", "none.bt"), "none.bt: the octomap cannot be read"),
+    (("replay", "good.mcap", "--octomap", "none.bt"), "none.bt: the file cannot be read"),
     (("replay", "good.mcap", "--octomap", "text.txt"), "text.txt: this is no octomap"),
     (("replay", "good.mcap", "--octomap", "cut.bt"), "cut.bt: the octomap's data are truncated"),
+    (("replay", "good.mcap", "--octomap", "cut.ot"), "cut.ot: the octomap's data are truncated"),
+    (("replay", "good.mcap", "--octomap", "cut.pcd"), "cut.pcd: the PCD's header is truncated"),
+    (("replay", "good.mcap", "--octomap", "cut.ply"), "cut.ply: the PLY's header is truncated"),
     # topics
     ((*TOPIC, "lidar:=/scan"), "--topic lidar:=/scan: there is no such role; the roles are map,"),
     ((*TOPIC, "scan:=/nix"), "the recording has no such topic; of type sensor_msgs/msg/LaserScan"),

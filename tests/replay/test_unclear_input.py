@@ -220,11 +220,38 @@ def test_an_octomap_of_a_file_is_used_coarser_and_kept_beside_the_outputs(
     assert sorted(map(tuple, np.floor(points_m / 0.05).astype(int).tolist())) == sorted(
         map(tuple, wall.tolist())
     )
-    scene = read_recorded_scene(out, lambda _start, _end: lambda _now: None, with_scans=True)
+    scene = read_recorded_scene(out, lambda _start, _end: lambda _now: None, with_voxels=True)
     shown = scene.voxels
     assert shown is not None
     assert shown.voxel_size_m == pytest.approx((0.1, 0.1, 0.1))
     assert shown.occupied_count == 2 * 20 * 10
+
+
+def test_a_point_cloud_of_a_file_becomes_voxels_of_the_size_that_is_set(
+    run_are: RunAre, sample_bag: Path, tmp_path: Path
+) -> None:
+    """Without a size it is asked for; the inputs that are written hold the points themselves."""
+    cloud, out = tmp_path / "wall.pcd", tmp_path / "out"
+    wall = np.argwhere(np.ones((2, 20, 10))) + np.array((15, -10, 0))
+    spots = np.random.default_rng(1).uniform(0.05, 0.95, (3, *wall.shape))
+    points_m = (0.1 * (wall + spots)).reshape(-1, 3).round(6)
+    head = f"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS {len(points_m)}\n"
+    rows = "".join(f"{x} {y} {z}\n" for x, y, z in points_m.tolist())
+    cloud.write_text(f"{head}DATA ascii\n{rows}")
+    words = ("--octomap", cloud, "--duration", 1, "--with-inputs", "--out", out)
+    done = run_are("replay", sample_bag, *words)
+    assert done.returncode == 1
+    assert f"{cloud}: the voxel size cannot be inferred from 1200 points" in done.stderr
+    assert "set world.voxel_size" in done.stderr
+    done = run_are("replay", sample_bag, "--set", "world.voxel_size:=0.1", *words)
+    assert done.returncode == 0, done.stderr
+    shown = read_recorded_scene(
+        out, lambda _start, _end: lambda _now: None, with_voxels=True
+    ).voxels
+    assert shown is not None
+    low = np.rint(shown.map_from_lattice.translation_m / 0.1).astype(int)
+    voxels = np.argwhere(shown.occupied) + low
+    assert sorted(map(tuple, voxels.tolist())) == sorted(map(tuple, wall.tolist()))
 
 
 def test_an_octomap_that_cannot_be_used_names_its_file(

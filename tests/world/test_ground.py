@@ -19,8 +19,8 @@ from are_ros.world.environment import (
 )
 from are_ros.world.map_io import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
-from are_ros.world.octomap_io import read_octomap_file
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.voxel_files.octomap import read_octomap_file
 from are_ros.world.voxel_map import VoxelMap
 
 SIZE = 0.1

@@ -345,3 +345,19 @@ def test_a_large_map_keeps_every_voxel() -> None:
     centres = ((np.argwhere(occupied) + 0.5 - (300, 300, 5)) * 0.02).astype(np.float32)
     built = VoxelMap.from_centres(centres, None, IDENTITY)
     assert np.count_nonzero(built.occupied) == len(centres)
+
+
+@settings(deadline=None)
+@given(seed=st.integers(0, 2**31), yaw=st.floats(-3.1, 3.1))
+def test_points_are_in_an_occupied_voxel_or_not(seed: int, yaw: float) -> None:
+    """Found for one point after the other in the lattice's own frame; outside nothing is."""
+    rng = np.random.default_rng(seed)
+    occupied = (rng.random((4, 3, 2)) < 0.5).astype(np.uint8)
+    voxels = VoxelMap(RigidTransform.planar(1.0, -2.0, yaw, 0.3), (0.2, 0.3, 1.0), occupied)
+    local = rng.uniform((-0.2, -0.3, -1.0), (1.0, 1.2, 3.0), (40, 3))
+    expected = []
+    for point in local:
+        i, j, k = (int(np.floor(c / s)) for c, s in zip(point, (0.2, 0.3, 1.0), strict=True))
+        is_inside = 0 <= i < 4 and 0 <= j < 3 and 0 <= k < 2
+        expected.append(is_inside and bool(occupied[i, j, k]))
+    assert voxels.are_occupied(voxels.map_from_lattice.apply(local)).tolist() == expected

@@ -9,8 +9,8 @@ import pytest
 from scipy.ndimage import distance_transform_cdt
 
 from are_ros.builder.occlusion.rays import FAR, VoxelField, chessboard_distance, free_cone
-from are_ros.world.octomap_io import read_octomap_file
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.voxel_files.octomap import read_octomap_file
 from are_ros.world.voxel_map import VoxelMap
 from tests.world.surface import exposed_faces
 

@@ -1,6 +1,8 @@
 """Octomap files against a recursive reader, written and real trees, and every bad input."""
 
 import itertools
+import math
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from are_ros.errors import MapError
-from are_ros.world import octomap_io
-from are_ros.world.octomap_io import read_octomap_file
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.voxel_files import octomap
+from are_ros.world.voxel_files.contents import MAX_CENTRES
+from are_ros.world.voxel_files.octomap import read_octomap_file
 from are_ros.world.voxel_map import VoxelMap
 
 HEADER = "# Octomap OcTree binary file\n# more words\nid OcTree\nsize {}\nres {}\ndata\n"
@@ -129,20 +132,21 @@ def test_random_bytes_are_refused_or_read_but_never_crash(
         centres, _ = read_octomap_file(path)
     except MapError:
         return
-    assert len(centres) <= octomap_io.MAX_CENTRES
+    assert len(centres) <= MAX_CENTRES
 
 
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
         ("", "no octomap"),
-        ("# Octomap OcTree file\nid OcTree\n", "convert_octree tree.bt"),
+        ("# Octomap OcTree file\nid OcTree\n", "no line 'data'"),
         (HEADER.format("many", 0.1), "size is 'many'"),
         (HEADER.format("-1", 0.1), "size is '-1'"),
         (HEADER.format("9" * 50, 0.1), "not a number of nodes"),
         (HEADER.format(1, "fine"), "res is 'fine'"),
         (HEADER.format(1, "nan"), "res is 'nan'"),
         (HEADER.format(1, 0.0), "res is '0.0'"),
+        (HEADER.format(1, 1e308), "res is '1e+308', not a positive length of a voxel"),
         (HEADER.format(1, 0.1).replace("id OcTree\n", ""), "id is None"),
         (HEADER.format(1, 0.1).replace("id OcTree", "id Elevation"), "id is Elevation"),
         (HEADER.format(1, 0.1).replace("res 0.1\n", ""), "res is ''"),
@@ -164,7 +168,7 @@ def test_bad_files_are_refused(tmp_path: Path, text: str, reason: str) -> None:
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
     """The sentence names the path."""
-    with pytest.raises(MapError, match=r"gone\.bt: the octomap cannot be read"):
+    with pytest.raises(MapError, match=r"gone\.bt: the file cannot be read"):
         read_octomap_file(tmp_path / "gone.bt")
 
 
@@ -194,9 +198,8 @@ def test_real_octomaps(
     """Counts and extents are those that other readers found, and the voxel map keeps them all."""
     path = real_data / name
     data = path.read_bytes()
-    header = octomap_io._parsed_header(path, data)
-    codes = np.frombuffer(data[header.data_start :], np.uint8)
-    found = octomap_io._occupied_leaves(path, codes, header)
+    header = octomap._parsed_header(path, data)
+    found = octomap._occupied_leaves(path, data[header.data_start :], header)
     assert len(found) == leaves
     centres, resolution = read_octomap_file(path)
     assert (resolution, len(centres)) == (size, voxels)
@@ -210,3 +213,128 @@ def test_real_octomaps(
     assert pruned.map_from_lattice.translation_m == pytest.approx(
         built.map_from_lattice.translation_m, abs=1e-6
     )
+
+
+FULL_HEADER = "# Octomap OcTree file\n# more words\nid {}\nsize {}\nres {}\ndata\n"
+FREE, OCCUPIED = -0.4, 0.85
+NODE_BYTES = {"OcTree": 5, "ColorOcTree": 8}
+
+
+def as_full(codes: bytes, kind: str) -> bytes:
+    """Return the data of a binary tree as those of a full one, node by node."""
+    data = iter(codes)
+    colour = {"OcTree": b"", "ColorOcTree": b"\x01\x80\xff"}[kind]
+
+    def written(log_odds: float, children: list[bytes | None]) -> bytes:
+        there = sum((child is not None) << number for number, child in enumerate(children))
+        head = struct.pack("<f", log_odds) + colour + bytes([there])
+        return head + b"".join(child for child in children if child is not None)
+
+    def subtree() -> bytes:
+        word = next(data) | next(data) << 8
+        kinds = [word >> (2 * number) & 3 for number in range(8)]
+        inner = {number: subtree() for number, code in enumerate(kinds) if code == 3}
+        leaves = {1: written(FREE, []), 2: written(OCCUPIED, [])}
+        # Those of an inner node must not count, but one without children is a leaf of a full tree.
+        log_odds = OCCUPIED if any(kinds) else FREE
+        return written(log_odds, [inner.get(n, leaves.get(k)) for n, k in enumerate(kinds)])
+
+    return subtree()
+
+
+def write_full(folder: Path, data: bytes, nodes: int, size: float, kind: str = "OcTree") -> Path:
+    """Write a full octomap with this data part."""
+    path = folder / "tree.ot"
+    path.write_bytes(FULL_HEADER.format(kind, nodes, size).encode() + data)
+    return path
+
+
+@settings(deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), level=st.integers(1, 4), kind=st.sampled_from([*NODE_BYTES]))
+def test_a_full_tree_has_the_voxels_of_the_binary_one(
+    tmp_path_factory: pytest.TempPathFactory, seed: int, level: int, kind: str
+) -> None:
+    """Random trees, written as both by slow writers; colours are passed over."""
+    data, nodes = chain_down(np.random.default_rng(seed), level)
+    folder = tmp_path_factory.getbasetemp()
+    full = as_full(data, kind)
+    assert len(full) == nodes * NODE_BYTES[kind]
+    centres, size = read_octomap_file(write_full(folder, full, nodes, 0.25, kind))
+    expected, _ = read_octomap_file(write(folder, data, nodes))
+    assert size == 0.25
+    assert doubled(centres, size) == doubled(expected, size)
+
+
+@pytest.mark.parametrize(
+    ("log_odds", "count"), [(-1e-6, 0), (-0.0, 8), (0.0, 8), (3.5, 8), (-2.0, 0)]
+)
+def test_a_leaf_is_occupied_from_even_odds_on(tmp_path: Path, log_odds: float, count: int) -> None:
+    """A probability of 0.5 is occupied, as in OctoMap; this leaf is two voxels wide."""
+    inner = b"".join(struct.pack("<fB", 9.0, 1 << 7 if depth == 0 else 1) for depth in range(15))
+    data = inner + struct.pack("<fB", log_odds, 0)
+    centres, _ = read_octomap_file(write_full(tmp_path, data, 16, 0.5))
+    assert len(centres) == count
+    if count:
+        assert sorted(centres.tolist()) == [
+            list(p) for p in itertools.product((0.25, 0.75), repeat=3)
+        ]
+
+
+def test_an_empty_full_tree_has_no_centres(tmp_path: Path) -> None:
+    """A size of 0 is followed by no data."""
+    centres, _ = read_octomap_file(write_full(tmp_path, b"", 0, 0.1))
+    assert centres.shape == (0, 3)
+
+
+def test_every_truncation_of_a_full_tree_is_refused(tmp_path: Path) -> None:
+    """No prefix of a file is a map."""
+    data, nodes = chain_down(np.random.default_rng(2), 2)
+    whole = write_full(tmp_path, as_full(data, "OcTree"), nodes, 0.1).read_bytes()
+    path = tmp_path / "cut.ot"
+    for length in range(len(whole)):
+        path.write_bytes(whole[:length])
+        with pytest.raises(MapError, match=r"^\S+cut\.ot: "):
+            read_octomap_file(path)
+
+
+@settings(deadline=None)
+@given(data=st.binary(max_size=100), nodes=st.integers(0, 20), kind=st.sampled_from([*NODE_BYTES]))
+def test_random_bytes_of_a_full_tree_never_crash(
+    tmp_path_factory: pytest.TempPathFactory, data: bytes, nodes: int, kind: str
+) -> None:
+    """Whatever follows the header, the answer is a map or a MapError."""
+    path = write_full(tmp_path_factory.getbasetemp(), data, nodes, 0.1, kind)
+    try:
+        centres, _ = read_octomap_file(path)
+    except MapError:
+        return
+    assert len(centres) <= MAX_CENTRES
+
+
+@pytest.mark.parametrize(
+    ("data", "nodes", "reason"),
+    [
+        (struct.pack("<fB", math.nan, 0), 1, "log odds are not finite"),
+        (struct.pack("<fB", -1.0, 0), 2, "holds 1 nodes, but its size says 2"),
+        (struct.pack("<fB", -1.0, 1), 1, "truncated"),
+        (struct.pack("<fB", -1.0, 1) * 17 + struct.pack("<fB", -1.0, 0), 18, "deeper than 16"),
+        (struct.pack("<fB", 1.0, 0), 1, "more than 67108864"),
+    ],
+)
+def test_bad_full_trees_are_refused(tmp_path: Path, data: bytes, nodes: int, reason: str) -> None:
+    """One sentence names the file and the reason."""
+    with pytest.raises(MapError, match=rf"^\S+tree\.ot: .*{reason}"):
+        read_octomap_file(write_full(tmp_path, data, nodes, 0.1))
+
+
+def test_a_real_octomap_is_the_same_as_a_full_tree(tmp_path: Path, real_data: Path) -> None:
+    """The corridor of building 079, converted node by node."""
+    path = real_data / "octomap-geb079/geb079.bt"
+    data = path.read_bytes()
+    header = octomap._parsed_header(path, data)
+    full = as_full(data[header.data_start :], "OcTree")
+    converted = write_full(tmp_path, full, header.node_count, header.resolution_m)
+    centres, size = read_octomap_file(converted)
+    expected, _ = read_octomap_file(path)
+    assert size == 0.08
+    assert {*map(tuple, centres.tolist())} == {*map(tuple, expected.tolist())}

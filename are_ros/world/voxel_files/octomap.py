@@ -1,6 +1,12 @@
-"""Octomap's binary tree files (.bt): the occupied leaves, as voxel centres."""
+"""OctoMap's files, binary (.bt) and full (.ot): the occupied leaves, as voxel centres.
+
+A binary tree says of each leaf whether it is occupied. A full one has the log odds of each node; a
+leaf is occupied from `OCCUPIED_LOG_ODDS` on, as OctoMap itself decides. The file has no threshold.
+"""
 
 import math
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -9,34 +15,42 @@ import numpy.typing as npt
 
 from are_ros._compiled import compiled
 from are_ros.errors import MapError
+from are_ros.world.voxel_files.contents import MAX_CENTRES, read_bytes
 
-MAX_CENTRES: Final = 2**26
-"""Bound on the expanded voxels of one file: 768 MiB of centres."""
+OCCUPIED_LOG_ODDS: Final = 0.0
+"""OctoMap's occupancy threshold, a probability of 0.5."""
 
 _TREE_DEPTH: Final = 16
+_WIDEST_M: Final = 1000.0
 _FIRST_LINE: Final = b"# Octomap OcTree binary file"
 _FIRST_LINE_OF_OT: Final = b"# Octomap OcTree file"
-_TREE_TYPES: Final = ("OcTree", "ColorOcTree")
+_NODES: Final = {
+    name: np.dtype([("log_odds", "<f4"), ("other", "u1", other), ("children", "u1")])
+    for name, other in (("OcTree", 0), ("ColorOcTree", 3))
+}
+"""The nodes of a full tree by its type: the octree of colours has three bytes of colour."""
 _WHOLE, _TRUNCATED, _TOO_DEEP = 0, 1, 2
 
 
 class _Header(NamedTuple):
+    tree_type: str
+    is_full: bool
     node_count: int
     resolution_m: float
     data_start: int
 
 
 def read_octomap_file(path: Path) -> tuple[npt.NDArray[np.float32], float]:
-    """Return centres (N, 3) [m], float32, of the occupied voxels of a .bt file, and their size.
+    """Return centres (N, 3) [m], float32, of the occupied voxels of an octomap, and their size.
 
     Leaves of every size are expanded to voxels of the finest size; the frame is the octree's
     own, with voxel corners at multiples of the size; the order is that of the file. N may be 0.
     Raises MapError for a file that is missing, of another kind, truncated, inconsistent with its
     header, or of more than `MAX_CENTRES` voxels.
     """
-    data = _read_bytes(path)
+    data = read_bytes(path)
     header = _parsed_header(path, data)
-    leaves = _occupied_leaves(path, np.frombuffer(data[header.data_start :], np.uint8), header)
+    leaves = _occupied_leaves(path, data[header.data_start :], header)
     count = sum(8 ** int(level) * int(n) for level, n in enumerate(np.bincount(leaves[:, 3])))
     if count > MAX_CENTRES:
         message = (
@@ -47,16 +61,8 @@ def read_octomap_file(path: Path) -> tuple[npt.NDArray[np.float32], float]:
     return _expanded(leaves, count, header.resolution_m), header.resolution_m
 
 
-def _read_bytes(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        message = f"{path}: the octomap cannot be read ({error.strerror})"
-        raise MapError(message) from error
-
-
 def _parsed_header(path: Path, data: bytes) -> _Header:
-    _check_first_line(path, data)
+    is_full = _is_full(path, data)
     fields: dict[str, str] = {}
     position = 0
     while True:
@@ -70,22 +76,23 @@ def _parsed_header(path: Path, data: bytes) -> _Header:
         if len(words) > 1 and not words[0].startswith("#"):
             fields[words[0]] = words[1]
     tree_type = fields.get("id")
-    if tree_type not in _TREE_TYPES:
-        raise MapError(f"{path}: the octomap's id is {tree_type}, not one of {_TREE_TYPES}")
-    return _Header(_node_count(path, fields), _resolution_m(path, fields), position)
+    if tree_type not in _NODES:
+        raise MapError(f"{path}: the octomap's id is {tree_type}, not one of {tuple(_NODES)}")
+    counts = _node_count(path, fields), _resolution_m(path, fields)
+    return _Header(tree_type, is_full, *counts, position)
 
 
-def _check_first_line(path: Path, data: bytes) -> None:
-    if data.startswith(_FIRST_LINE_OF_OT):
+def _is_full(path: Path, data: bytes) -> bool:
+    """Return whether the first line is that of a full tree; MapError if it is no octomap's."""
+    is_full = data.startswith(_FIRST_LINE_OF_OT)
+    if not is_full and not data.startswith(_FIRST_LINE):
+        known = f"'{_FIRST_LINE.decode()}' or '{_FIRST_LINE_OF_OT.decode()}'"
         message = (
-            f"{path}: this is a full octomap (.ot), only binary ones are read;"
-            f" convert it with octomap's 'convert_octree {path.name} {path.stem}.bt'"
+            f"{path}: this is no octomap, its first line is not {known}; the names of point clouds"
+            " end in .pcd or .ply"
         )
         raise MapError(message)
-    if not data.startswith(_FIRST_LINE):
-        raise MapError(
-            f"{path}: this is no octomap, its first line is not '{_FIRST_LINE.decode()}'"
-        )
+    return is_full
 
 
 def _node_count(path: Path, fields: dict[str, str]) -> int:
@@ -101,34 +108,95 @@ def _resolution_m(path: Path, fields: dict[str, str]) -> float:
         resolution_m = float(text)
     except ValueError:
         resolution_m = math.nan
-    if not (math.isfinite(resolution_m) and resolution_m > 0.0):
-        raise MapError(f"{path}: the octomap's res is {text!r}, not a positive length")
+    if not 0.0 < resolution_m <= _WIDEST_M:  # nan is neither
+        raise MapError(
+            f"{path}: the octomap's res is {text[:20]!r}, not a positive length of a voxel"
+        )
     return resolution_m
 
 
-def _occupied_leaves(
-    path: Path, codes: npt.NDArray[np.uint8], header: _Header
-) -> npt.NDArray[np.int64]:
+def _occupied_leaves(path: Path, data: bytes, header: _Header) -> npt.NDArray[np.int64]:
     """Return (L, 4): low voxel index x, y, z and level of each occupied leaf, 2**level wide."""
     none = np.empty((0, 4), dtype=np.int64)
     if header.node_count == 0:
         return none
-    status, nodes, count = _walk(codes, none)
+    walk = _full_walk(path, data, header) if header.is_full else _binary_walk(data)
+    status, nodes, count = walk(none)
     if status == _TRUNCATED:
-        raise MapError(f"{path}: the octomap's data are truncated, {len(codes)} bytes are too few")
+        raise MapError(f"{path}: the octomap's data are truncated, {len(data)} bytes are too few")
     if status == _TOO_DEEP:
         raise MapError(f"{path}: the octomap's data are corrupt, deeper than {_TREE_DEPTH} levels")
     if nodes != header.node_count:
         message = f"{path}: the octomap holds {nodes} nodes, but its size says {header.node_count}"
         raise MapError(message)
     leaves = np.empty((count, 4), dtype=np.int64)
-    _walk(codes, leaves)
+    walk(leaves)
     return leaves
+
+
+_Walk = Callable[[npt.NDArray[np.int64]], tuple[int, int, int]]
+"""Walks a tree depth first; returns status, nodes and occupied leaves, storing what fits."""
+
+
+def _binary_walk(data: bytes) -> _Walk:
+    return partial(_walk, np.frombuffer(data, np.uint8))
+
+
+def _full_walk(path: Path, data: bytes, header: _Header) -> _Walk:
+    node = _NODES[header.tree_type]
+    nodes = np.frombuffer(data, node, count=min(header.node_count, len(data) // node.itemsize))
+    log_odds = nodes["log_odds"]
+    if not np.isfinite(log_odds).all():
+        raise MapError(f"{path}: the octomap's data are corrupt, log odds are not finite")
+    is_occupied = (log_odds >= OCCUPIED_LOG_ODDS).astype(np.uint8)
+    return partial(_walk_full, is_occupied, np.ascontiguousarray(nodes["children"]))
+
+
+@compiled
+def _walk_full(
+    is_occupied: npt.NDArray[np.uint8],
+    children: npt.NDArray[np.uint8],
+    leaves: npt.NDArray[np.int64],
+) -> tuple[int, int, int]:
+    """Walk a full tree, whose nodes (N,) are in depth-first order, the root first.
+
+    Bit i of a node's children says that there is child i; a node without any is a leaf. Bits 0, 1,
+    2 of a child's number are its x, y, z.
+    """
+    corner = np.zeros((_TREE_DEPTH + 1, 3), dtype=np.int64)
+    corner[0, :] = -(1 << (_TREE_DEPTH - 1))
+    unread = np.zeros(_TREE_DEPTH + 1, dtype=np.int64)
+    nodes, count, depth = 0, 0, 0
+    while True:
+        if nodes == children.shape[0]:
+            return _TRUNCATED, nodes, count
+        level = _TREE_DEPTH - depth
+        unread[depth] = children[nodes]
+        if unread[depth] == 0 and is_occupied[nodes]:
+            if count < leaves.shape[0]:
+                leaves[count, 0], leaves[count, 1] = corner[depth, 0], corner[depth, 1]
+                leaves[count, 2], leaves[count, 3] = corner[depth, 2], level
+            count += 1
+        nodes += 1
+        while unread[depth] == 0:
+            if depth == 0:
+                return _WHOLE, nodes, count
+            depth -= 1
+        if depth == _TREE_DEPTH:
+            return _TOO_DEEP, nodes, count
+        number = 0
+        while unread[depth] >> number & 1 == 0:
+            number += 1
+        unread[depth] &= ~(1 << number)
+        half = _TREE_DEPTH - 1 - depth
+        for axis in range(3):
+            corner[depth + 1, axis] = corner[depth, axis] + ((number >> axis & 1) << half)
+        depth += 1
 
 
 @compiled
 def _walk(codes: npt.NDArray[np.uint8], leaves: npt.NDArray[np.int64]) -> tuple[int, int, int]:
-    """Walk the tree depth first; return status, nodes and occupied leaves, storing what fits.
+    """Walk a binary tree.
 
     A node is two bytes, two bits a child: 0 unknown, 1 free leaf, 2 occupied leaf, 3 inner node;
     the inner children follow in order. Bits 0, 1, 2 of a child's number are its x, y, z.

@@ -1,0 +1,1 @@
+"""What `are export` writes for other programs: the scene as a mesh."""

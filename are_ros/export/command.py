@@ -1,0 +1,103 @@
+"""`are export` without the shell: a recording in, files for other programs out."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from are_ros.bag.recording import find_recording, walls_of
+from are_ros.conventions import NS_PER_S
+from are_ros.draw.scene import Moment, SceneRecord
+from are_ros.errors import BagError, InputError, MapError
+from are_ros.export.scene_mesh import ENVIRONMENT, scene_parts, write_scene, writer_of
+from are_ros.parameters.model import WorldParameters
+from are_ros.replay.pictures import place_of
+from are_ros.replay.progress import ProgressBar
+from are_ros.replay.recorded_scene import RecordedScene, read_recorded_scene
+from are_ros.wording import counted
+from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.voxel_files.reading import read_voxel_file
+from are_ros.world.voxel_map import VoxelMap
+
+Say = Callable[[str], None]
+
+_WITHOUT_OCTOMAP: Final = (
+    "the walls of the map stand in for the octomap of the run, which the recording does not hold: "
+    "give it with --octomap"
+)
+
+
+@dataclass(frozen=True)
+class MeshOptions:
+    """What `are export --mesh` is asked for.
+
+    `at_s` is the time from the first tick on, None for the last tick. `octomap_file` goes before
+    what the recording holds.
+    """
+
+    recording: Path
+    mesh: Path
+    at_s: float | None = None
+    octomap_file: Path | None = None
+
+
+def export_mesh(say: Say, options: MeshOptions) -> None:
+    """Write the mesh of the scene at a time, and say what it is. Raises AreError."""
+    writer_of(options.mesh)
+    with ProgressBar("reading") as bar:
+        scene = read_recorded_scene(options.recording, bar.open, with_voxels=True)
+    if options.octomap_file is not None:
+        voxels = _voxels_of_file(options.octomap_file, scene.parameters.world)
+        scene = replace(scene, voxels=voxels, cloud_problem="")
+    moment = moment_at(scene.record, options.at_s)
+    place = place_of(scene.parameters, scene.grid, scene.voxels, camera=None)
+    parts = scene_parts(place, scene.parameters.world, moment)
+    length_bytes = write_scene(options.mesh, parts)
+    triangles = sum(len(part.faces) for part in parts if part.name == ENVIRONMENT)
+    at_s = (moment.stamp_ns - int(scene.record.series.stamps_ns[0])) / NS_PER_S
+    say(
+        f"mesh: {options.mesh} ({length_bytes / 1e6:.1f} MB, at {at_s:g} s: "
+        f"{counted(len(moment.artefacts), 'artefact')}, an environment of "
+        f"{counted(triangles, 'triangle')})"
+    )
+    for problem in _problems(options.recording, scene):
+        say(problem)
+
+
+def moment_at(record: SceneRecord, at_s: float | None) -> Moment:
+    """Return the last tick that is not after a time from the first tick on; None: the last of all.
+
+    Raises BagError for a time after the last tick.
+    """
+    stamps_ns = record.series.stamps_ns
+    if at_s is None:
+        return record.moment(int(stamps_ns[-1]))
+    wanted_ns = int(stamps_ns[0]) + round(at_s * NS_PER_S)
+    if wanted_ns > stamps_ns[-1]:
+        last_s = int(stamps_ns[-1] - stamps_ns[0]) / NS_PER_S
+        raise BagError(f"--at {at_s:g}: the last tick of the recording is at {last_s:g} s")
+    return record.moment(int(stamps_ns[np.searchsorted(stamps_ns, wanted_ns, side="right") - 1]))
+
+
+def _voxels_of_file(path: Path, world: WorldParameters) -> VoxelMap:
+    """Return the voxels that a replay with this file and these parameters has."""
+    wanted_m = world.voxel_size or None
+    points_m, size_m = read_voxel_file(path, wanted_m)
+    try:
+        return VoxelMap.from_centres(
+            points_m, size_m, RigidTransform.identity(), str(path), wanted_m
+        )
+    except InputError as cause:
+        raise MapError(str(cause)) from cause
+
+
+def _problems(recording: Path, scene: RecordedScene) -> list[str]:
+    """Return why the environment is not that of the run, empty if it is."""
+    if scene.voxels is not None:
+        return []
+    if scene.cloud_problem:
+        return [scene.cloud_problem]
+    is_missing = walls_of(find_recording(recording).path) == "octomap"
+    return [_WITHOUT_OCTOMAP] if is_missing else []

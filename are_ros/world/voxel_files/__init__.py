@@ -1,0 +1,1 @@
+"""Files of M3D: octomaps (.bt, .ot), point clouds (PCD, PLY) and meshes (PLY)."""
