@@ -25,6 +25,7 @@ from are_ros.draw.map import known_part, map_from_part, shaded
 from are_ros.draw.palette import END, ROBOT, SEEN, Rgb, class_colours, hex_of
 from are_ros.draw.robot import level_sight, robot_outline
 from are_ros.draw.scene import ArtefactAt, Moment, ScanPoints, SceneRecord, shown_every
+from are_ros.draw.sheet import id_text
 from are_ros.errors import BagError
 from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.population.meshes.geometry import surface_of
@@ -550,10 +551,10 @@ def _rounded(position_m: npt.ArrayLike) -> tuple[float, ...]:
 
 def _text_of(one: ArtefactAt, *, is_perceived: bool) -> str:
     """Return the label: id, name and activity; the id alone if the artefact is not perceived."""
+    number, doing = id_text(one.artefact_id), one.activity or one.behaviour
     if not is_perceived:
-        return str(one.artefact_id)
-    doing = one.activity or one.behaviour
-    return f"{one.artefact_id} {one.row.label}" + (f": {doing}" if doing else "")
+        return number
+    return f"{number} {one.row.label}" + (f": {doing}" if doing else "")
 
 
 def _fits(known: CatalogueRow, row: CatalogueRow) -> bool:

@@ -242,3 +242,10 @@ def test_a_dense_scan_keeps_its_virtual_returns() -> None:
     scan = ScanPoints(np.zeros((5000, 3), dtype=np.float32), is_virtual).thinned()
     assert scan.is_virtual.sum() == 10
     assert len(scan.points_m) < 300
+
+
+def test_labels_number_artefacts_as_the_pictures_do() -> None:
+    """Those of a scenario count from s0; who is not perceived has no name."""
+    scripted, by_chance = artefact(10**9 + 3, "person", 1.0), artefact(3, "car", 1.0)
+    assert viewer._text_of(scripted, is_perceived=True) == "s3 person: walking"
+    assert viewer._text_of(by_chance, is_perceived=False) == "3"
