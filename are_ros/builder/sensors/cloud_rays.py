@@ -8,6 +8,7 @@ fill these gaps as densely as the row is otherwise. Where nothing comes back ove
 degrees on all rows, the sensor is supposed not to look.
 """
 
+import math
 from typing import Any, Final
 
 import numpy as np
@@ -166,7 +167,7 @@ _WIDE_GAP, _WIDE_GAP_OF_STRIPE = 1.5, 4.0
 points are at random, some gaps are wide by chance."""
 _NEAREST: Final = 16
 """So many neighbours tell how dense directions are, in a lattice as well as at random."""
-_BLIND_RAD: Final = np.radians(10.0)
+WIDEST_GAP_RAD: Final = math.radians(10.0)
 """A sensor does not look at where nothing comes back on any row over more than this."""
 _RING_GAP_RAD, _RING_WIDTH_RAD = np.radians(0.1), np.radians(0.08)
 _FEWEST_ON_RING: Final = 8
@@ -262,5 +263,5 @@ def _looked_at(rays: _Floats, azimuths: _Floats) -> npt.NDArray[np.bool_]:
     """Return which azimuths of rays (K,) the sensor looks at, with returns at some (N,)."""
     ascending = np.sort(azimuths)
     gaps = np.diff(ascending, append=ascending[0] + _TURN)
-    is_narrow: npt.NDArray[np.bool_] = gaps <= _BLIND_RAD
+    is_narrow: npt.NDArray[np.bool_] = gaps <= WIDEST_GAP_RAD
     return is_narrow[np.searchsorted(ascending, rays) - 1]

@@ -10,9 +10,10 @@ import numpy.typing as npt
 from are_ros._compiled import compiled
 from are_ros.builder.occlusion.meshes import Tree, cast, enters
 from are_ros.builder.occlusion.rays import VoxelField, inverse
-from are_ros.builder.sensors.cloud_rays import rays_between, rays_of_holes
+from are_ros.builder.sensors.cloud_rays import WIDEST_GAP_RAD, rays_between, rays_of_holes
 from are_ros.builder.sensors.sensor_path import Obstacles
 from are_ros.errors import InputError
+from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 
 _Floats = npt.NDArray[np.float64]
@@ -148,16 +149,15 @@ class PointCloud:
             ranges_m = np.sqrt((points_m * points_m).sum(axis=1))
         returns = np.flatnonzero(np.isfinite(ranges_m) & (ranges_m > _NOTHING_M))
         ranges_m = ranges_m[returns]
-        boxes, origin_m = obstacles.boxes, map_from_sensor.translation_m
-        apart_m = np.linalg.norm(boxes.centres_m - origin_m, axis=1)
-        nearest_m = (apart_m - np.linalg.norm(boxes.half_sizes_m, axis=1)).min()
-        if nearest_m > ranges_m.max(initial=0.0):
+        farthest_m = float(ranges_m.max(initial=0.0))
+        cones = _cones(map_from_sensor, obstacles.boxes, farthest_m)
+        if not len(cones):
             return self
         rays = points_m[returns] / ranges_m[:, None]
         hits_m = first_hits_along(map_from_sensor, rays, ranges_m, obstacles)
         is_behind = hits_m < ranges_m
-        owners, free = self._rays_without_return(returns, rays)
-        limits_m = np.full(len(free), ranges_m.max())
+        owners, free = self._rays_without_return(returns, rays, cones)
+        limits_m = np.full(len(free), farthest_m)
         seen_m = first_hits_along(map_from_sensor, free, limits_m, obstacles)
         is_seen = _are_seen(seen_m, free, map_from_sensor, obstacles.surface)
         if not is_behind.any() and not is_seen.any():
@@ -191,14 +191,19 @@ class PointCloud:
         return columns
 
     def _rays_without_return(
-        self, returns: _Indices, directions: _Floats
+        self, returns: _Indices, directions: _Floats, cones: _Floats
     ) -> tuple[_Indices, _Floats]:
         """Return the rays (K, 3) without a return, and the points (K,) that they belong to.
 
-        That is the ray's own point, or in an unorganised cloud its neighbour's.
+        That is the ray's own point, or in an unorganised cloud its neighbour's. There, all rays in
+        the `cones` (M, 4) are found.
         """
         if len(self.data) > 1:
             return rays_of_holes((len(self.data), self.width), returns, directions)
+        is_near = np.zeros(len(returns), np.bool_)
+        for *towards, cosine in cones:
+            is_near |= directions @ np.array(towards) > cosine
+        returns, directions = returns[is_near], directions[is_near]
         columns = self._columns(self.data, self.width)
         rows = next((columns[name][0, returns] for name in _names(columns, _ROWS)), None)
         neighbours, rays = rays_between(directions, rows)
@@ -222,6 +227,22 @@ class PointCloud:
         points = self.data[0, : self.width * self.point_step].reshape(self.width, self.point_step)
         points = np.concatenate((points, points[owners]))
         return points.reshape(1, -1), len(points), np.arange(self.width, len(points))
+
+
+def _cones(map_from_sensor: RigidTransform, boxes: OrientedBoxes, farthest_m: float) -> _Floats:
+    """Return cones (M, 4) about the boxes within reach: axis in the sensor's frame, and cosine.
+
+    They are so much wider than the boxes that the gaps in front of these have both their ends
+    inside.
+    """
+    apart_m = (boxes.centres_m - map_from_sensor.translation_m) @ map_from_sensor.rotation_matrix()
+    away_m, radii_m = np.linalg.norm(apart_m, axis=1), np.linalg.norm(boxes.half_sizes_m, axis=1)
+    angles = np.arcsin(np.minimum(radii_m / np.maximum(away_m, 1e-9), 1.0)) + WIDEST_GAP_RAD
+    angles = np.where(away_m <= radii_m, np.pi, np.minimum(angles, np.pi))
+    axes = apart_m / np.maximum(away_m, 1e-9)[:, None]
+    cones = np.column_stack((axes, np.cos(angles) - _SLACK))
+    reached: _Floats = cones[away_m - radii_m <= farthest_m]
+    return reached
 
 
 def _names(columns: _Columns, names: Sequence[str]) -> list[str]:
