@@ -94,6 +94,19 @@ class PerceivedArtefact:
     last_seen_ns: int
 
 
+@dataclass(frozen=True, eq=False)
+class PredictedPath:
+    """Where a perceived artefact will be (are_msgs/PredictedPath).
+
+    `poses` of F_A are in the map's frame, with a covariance each as in `PerceivedArtefact`. The
+    first is one step after the list's stamp, the others are one step apart.
+    """
+
+    artefact_id: int
+    poses: tuple[RigidTransform, ...]
+    covariances: tuple[tuple[float, ...], ...]
+
+
 @dataclass(frozen=True)
 class SceneMetrics:
     """Counts since the start, and the measures of section 4 at one tick (are_msgs/SceneMetrics).

@@ -7,7 +7,12 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.events import ArtefactEvent, PerceivedArtefact, SceneMetrics
+from are_ros.agents.events import (
+    ArtefactEvent,
+    PerceivedArtefact,
+    PredictedPath,
+    SceneMetrics,
+)
 from are_ros.builder.scene import Scene, Status, features_of
 from are_ros.messages.cdr import CdrWriter
 from are_ros.population.artefact import Artefact
@@ -101,6 +106,9 @@ _DOUBLE: Final = Struct("<d")
 _POSE_SIZE_TWIST: Final = Struct("<88d")
 """A pose and a twist, each with its covariance, and the size between them."""
 
+_POSE: Final = Struct("<43d")
+"""A pose with its covariance."""
+
 _PIXELS_AND_SHARES: Final = Struct("<2I3f")
 _REGION: Final = Struct("<4I?")
 _COUNTS: Final = Struct("<2I")
@@ -117,6 +125,24 @@ def encode_perceived(
     writer.count(len(perceived))
     for artefact in perceived:
         _append_perceived(writer, artefact)
+    return writer.message()
+
+
+def encode_predicted(
+    frame_id: str, stamp_ns: int, observer: str, step_ns: int, paths: Sequence[PredictedPath]
+) -> bytes:
+    """Return an are_msgs/PredictedPathArray: poses in the map's frame, `step_ns` apart."""
+    writer = CdrWriter()
+    writer.header(frame_id, stamp_ns)
+    writer.text(observer)
+    writer.time(step_ns)
+    writer.count(len(paths))
+    for path in paths:
+        writer.pack(_UINT64, 8, path.artefact_id)
+        writer.count(len(path.poses))
+        for pose, covariance in zip(path.poses, path.covariances, strict=True):
+            translation_m, rotation = pose.translation_m.tolist(), pose.rotation_xyzw.tolist()
+            writer.pack(_POSE, 8, *translation_m, *rotation, *covariance)
     return writer.message()
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from are_ros.agents.events import ArtefactEvent, EventKind, SceneMetrics
+from are_ros.builder.certainty.perception import Perception
 from are_ros.builder.costmap.augmented_map import Grids
 from are_ros.builder.markers import NO_MARKERS
 from are_ros.builder.observation import Observation, Sighting, perceived_artefacts
@@ -54,7 +55,7 @@ def _tick(
         frame_id="map",
         scene=scene,
         observer="robot",
-        perceived=perceived_artefacts(scene, observation),
+        perception=Perception(stamp_ns, perceived_artefacts(scene, observation)),
         events=tuple(events),
         metrics=metrics,
         markers=NO_MARKERS,
