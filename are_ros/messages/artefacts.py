@@ -106,9 +106,6 @@ _DOUBLE: Final = Struct("<d")
 _POSE_SIZE_TWIST: Final = Struct("<88d")
 """A pose and a twist, each with its covariance, and the size between them."""
 
-_POSE: Final = Struct("<43d")
-"""A pose with its covariance."""
-
 _PIXELS_AND_SHARES: Final = Struct("<2I3f")
 _REGION: Final = Struct("<4I?")
 _COUNTS: Final = Struct("<2I")
@@ -139,10 +136,7 @@ def encode_predicted(
     writer.count(len(paths))
     for path in paths:
         writer.pack(_UINT64, 8, path.artefact_id)
-        writer.count(len(path.poses))
-        for pose, covariance in zip(path.poses, path.covariances, strict=True):
-            translation_m, rotation = pose.translation_m.tolist(), pose.rotation_xyzw.tolist()
-            writer.pack(_POSE, 8, *translation_m, *rotation, *covariance)
+        writer.numbers(path.numbers, "<f8")
     return writer.message()
 
 

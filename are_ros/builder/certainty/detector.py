@@ -11,8 +11,9 @@ from are_ros.builder.certainty.body import Body, boxes_at
 from are_ros.builder.certainty.detection import detection_noise, detection_probability
 from are_ros.builder.certainty.false_alarms import FalseAlarm, FalseAlarms
 from are_ros.builder.certainty.perception import Delay, Perception
-from are_ros.builder.certainty.track import Track, accelerations
-from are_ros.builder.certainty.tracking_error import Floats, TrackingError
+from are_ros.builder.certainty.prediction import predicted_paths
+from are_ros.builder.certainty.track import Track
+from are_ros.builder.certainty.tracking_error import Floats, Process, TrackingError
 from are_ros.builder.certainty.view import View
 from are_ros.builder.observation import Sighting
 from are_ros.builder.scene import Scene
@@ -22,7 +23,7 @@ from are_ros.population.catalogue import Catalogue
 from are_ros.population.mixture import mixture_of
 from are_ros.population.randomness import Purpose, generator
 
-_FORGOTTEN: Final = 0.01
+_FORGOTTEN: Final = 0.001
 """A track whose artefact exists with less than this probability is given up."""
 
 
@@ -86,11 +87,11 @@ class Detector:
         """Carry all tracks on to `now_ns`."""
         dt_s = 0.0 if self._now_ns is None else (now_ns - self._now_ns) / NS_PER_S
         self._now_ns = now_ns
-        densities = accelerations(self._settings)
+        process = Process.of(self._settings, dt_s)
         ends = 1.0 / self.parameters.population.mean_life, 1.0 / self._settings.false_alarm_life
         places = {number: k for k, number in enumerate(scene.ids.tolist())}
         for number, track in self._tracks.items():
-            track.error.predict(dt_s, densities)
+            track.error.predict(process)
             track.existence = track.existence.later(dt_s, *ends)
             if number in places:
                 track.body = Body.of_scene(scene, places[number], now_ns)
@@ -185,11 +186,11 @@ class Detector:
             if self._tracks[number].existence.artefact >= settings.min_existence
         ]
         boxes = boxes_at([track.estimate for track in tracks], [t.body.shape for t in tracks])
-        paths = tuple(track.path(settings) for track in tracks)
         predicts = settings.prediction_horizon > 0.0
+        paths = predicted_paths(tracks, settings) if predicts else None
         reports = tuple(track.report() for track in tracks)
         step_ns = seconds_to_ns(settings.prediction_step)
-        return Perception(now_ns, reports, boxes, paths if predicts else None, step_ns)
+        return Perception(now_ns, reports, boxes, paths, step_ns)
 
 
 class _Streams:

@@ -6,17 +6,11 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.events import PerceivedArtefact, PredictedPath
+from are_ros.agents.events import PerceivedArtefact
 from are_ros.builder.certainty.belief import ClassBelief, Existence
 from are_ros.builder.certainty.body import Body, Motion
-from are_ros.builder.certainty.tracking_error import (
-    Floats,
-    TrackingError,
-    process_noise,
-    transition,
-)
+from are_ros.builder.certainty.tracking_error import Floats, TrackingError
 from are_ros.builder.observation import Sighting
-from are_ros.parameters.model import CertaintyParameters
 from are_ros.world.rigid_transform import RigidTransform
 
 _PLANAR: Final = np.ix_((0, 1, 5), (0, 1, 5))
@@ -84,27 +78,6 @@ class Track:
             roi_px=sighting.roi_px,
             last_seen_ns=self.seen_ns,
         )
-
-    def path(self, settings: CertaintyParameters) -> PredictedPath:
-        """Return where the body will be if it goes on as estimated, and how sure that is."""
-        x, y, z, yaw, *rates = self.estimate
-        state = np.array((x, y, yaw, *rates))
-        densities = accelerations(settings)
-        poses, covariances = [], []
-        count = math.floor(settings.prediction_horizon / settings.prediction_step + 1e-9)
-        for k in range(1, count + 1):
-            ahead_s = k * settings.prediction_step
-            step, noise = transition(ahead_s), process_noise(ahead_s, densities)
-            x, y, yaw = (step @ state)[:3].tolist()
-            poses.append(RigidTransform.planar(x, y, yaw, z + self.body.height_m))
-            covariance = step @ self.error.covariance @ step.T + noise @ noise.T
-            covariances.append(_as_ros(covariance[:3, :3]))
-        return PredictedPath(self.artefact_id, tuple(poses), tuple(covariances))
-
-
-def accelerations(settings: CertaintyParameters) -> Floats:
-    """Return the densities (3,) of the accelerations of x, y and yaw."""
-    return np.array((settings.acceleration, settings.acceleration, settings.turn_acceleration))
 
 
 def _turned(covariance: Floats, angle_rad: float) -> Floats:
