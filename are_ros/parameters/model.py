@@ -264,7 +264,7 @@ class CertaintyParameters:
 
     enabled: bool = parameter(
         False,
-        "~/perceived is what a detector and a tracker would give; false: it is exactly A_f.",
+        "What is perceived is what a detector and a tracker would give; false: exactly A_f.",
     )
     detection: float = parameter(
         0.97,

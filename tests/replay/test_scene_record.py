@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -163,7 +164,6 @@ def test_series_per_tick() -> None:
 
 def test_false_alarm_is_no_life() -> None:
     """What is perceived without being there has no life."""
-    ghost = _tick(100, [_artefact(9, PERSON, STILL)], seen=[9]).perceived
-    tick = _tick(100)
-    object.__setattr__(tick, "perceived", ghost)
+    ghost = _tick(100, [_artefact(9, PERSON, STILL)], seen=[9]).perception
+    tick = replace(_tick(100), perception=ghost)
     assert _record([tick]).lives == ()
