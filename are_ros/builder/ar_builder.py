@@ -88,7 +88,7 @@ class ArBuilder(Simulation):
             frame_id=self.parameters.frames.map,
             scene=Scene.of((), now_ns),
             observer=self.robots.observer.name,
-            perception=Perception(now_ns),
+            perception=Perception(now_ns, paths=() if self._predicts else None),
             events=tuple(self.lives.take_events()),
             metrics=self._metrics(0, 0),
             markers=self._display.delete_all(),
@@ -176,6 +176,10 @@ class ArBuilder(Simulation):
         if self.demand.perception:
             self._sensors.perceived = frozenset(ids)
         return perception
+
+    @property
+    def _predicts(self) -> bool:
+        return self._detector is not None and self._detector.predicts
 
     def _view(self, map_from_camera: RigidTransform | None) -> View | None:
         """Return what the camera looks at from a pose, None where one of them is not known."""

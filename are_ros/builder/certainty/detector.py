@@ -76,6 +76,11 @@ class Detector:
         return self._delay.passed(self._perception(now_ns), latency_ns)
 
     @property
+    def predicts(self) -> bool:
+        """Whether it tells paths."""
+        return self._settings.prediction_horizon > 0.0
+
+    @property
     def _settings(self) -> CertaintyParameters:
         return self.parameters.certainty
 
@@ -105,24 +110,30 @@ class Detector:
         places = {number: k for k, number in enumerate(scene.ids.tolist())}
         seen = {**sightings, **self._imagined(places, view)}
         for number in sorted(seen):
-            sighting, track = seen[number], self._tracks.get(number)
-            fraction, range_m = sighting.visible_fraction, sighting.range_m
-            probability = detection_probability(self._settings, fraction, range_m)
-            is_there = number in places or self._ends_ns.get(number, now_ns) > now_ns
-            draws = self._streams.of(Purpose.PERCEPTION, number)
-            if is_there and draws.random() < probability:
-                if track is None:
-                    body = Body.of_scene(scene, places[number], now_ns)
-                    self._begin(number, body, self._detection(body, sighting, view))
-                    self._census.count_artefact(body.row.class_name)
-                else:
-                    track.existence = track.existence.detected()
-                    track.error.correct(self._detection(track.body, sighting, view))
-                self._take(self._tracks[number], now_ns, sighting)
-            elif track is not None:
-                track.existence = track.existence.missed(probability)
+            body = Body.of_scene(scene, places[number], now_ns) if number in places else None
+            self._meet(now_ns, number, body, seen[number], view)
         for alarm in self._false_alarms.begin(now_ns, self._look_period_s, self._settings, view):
             self._begin_false_alarm(now_ns, alarm, view)
+
+    def _meet(
+        self, now_ns: int, number: int, body: Body | None, sighting: Sighting, view: View
+    ) -> None:
+        """Detect or miss one; `body` is the artefact that is there, None where none is."""
+        fraction, range_m = sighting.visible_fraction, sighting.range_m
+        probability = detection_probability(self._settings, fraction, range_m)
+        is_there = body is not None or self._ends_ns.get(number, now_ns) > now_ns
+        draws, track = self._streams.of(Purpose.PERCEPTION, number), self._tracks.get(number)
+        is_detected = is_there and draws.random() < probability
+        if track is not None and not is_detected:
+            track.existence = track.existence.missed(probability)
+        elif track is not None:
+            track.existence = track.existence.detected()
+            track.error.correct(self._detection(track.body, sighting, view))
+            self._take(track, now_ns, sighting)
+        elif body is not None and is_detected:
+            track = self._begin(number, body, self._detection(body, sighting, view))
+            self._census.count_artefact(body.row.class_name)
+            self._take(track, now_ns, sighting)
 
     def _imagined(self, places: Iterable[int], view: View) -> dict[int, Sighting]:
         """Return how what is tracked but is no artefact would be seen, if it were one."""
@@ -133,7 +144,8 @@ class Detector:
         seen = zip(tracks, view.imagine(boxes), strict=True)
         return {track.artefact_id: sighting for track, sighting in seen if sighting is not None}
 
-    def _begin(self, number: int, body: Body, detection: Floats) -> None:
+    def _begin(self, number: int, body: Body, detection: Floats) -> Track:
+        """Begin a track, with priors that do not know what it is of."""
         settings = self._settings
         draws = self._streams.of(Purpose.ESTIMATION, number)
         rates = np.diag((settings.speed_noise, settings.speed_noise, settings.turn_noise))
@@ -142,13 +154,14 @@ class Detector:
         )
         error, classes = TrackingError(draws, detection, rates), self._census.class_belief()
         self._tracks[number] = Track(number, body, error, existence, classes)
+        return self._tracks[number]
 
     def _begin_false_alarm(self, now_ns: int, alarm: FalseAlarm, view: View) -> None:
         number, body, sighting, end_ns = alarm
-        self._begin(number, body, self._detection(body, sighting, view))
+        track = self._begin(number, body, self._detection(body, sighting, view))
         self._census.count_false_alarm()
         self._ends_ns[number] = end_ns
-        self._take(self._tracks[number], now_ns, sighting)
+        self._take(track, now_ns, sighting)
 
     def _take(self, track: Track, now_ns: int, sighting: Sighting) -> None:
         """Note a detection, and look at the class if it is time."""
@@ -186,8 +199,7 @@ class Detector:
             if self._tracks[number].existence.artefact >= settings.min_existence
         ]
         boxes = boxes_at([track.estimate for track in tracks], [t.body.shape for t in tracks])
-        predicts = settings.prediction_horizon > 0.0
-        paths = predicted_paths(tracks, settings) if predicts else None
+        paths = predicted_paths(tracks, settings) if self.predicts else None
         reports = tuple(track.report() for track in tracks)
         step_ns = seconds_to_ns(settings.prediction_step)
         return Perception(now_ns, reports, boxes, paths, step_ns)
