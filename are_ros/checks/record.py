@@ -144,7 +144,9 @@ class Record:
         if not certainty.enabled:
             return age_ns == 0
         latency_ns = seconds_to_ns(certainty.latency)
-        return self.is_live or latency_ns <= age_ns < latency_ns + self.period_ns
+        if self.is_live or not message.stamp_ns:
+            return age_ns >= 0
+        return latency_ns <= age_ns < latency_ns + self.period_ns
 
     def has_inputs(self) -> bool:
         """Tell whether inputs were copied beside the outputs."""

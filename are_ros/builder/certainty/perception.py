@@ -46,7 +46,8 @@ class Delay:
         if first.stamp_ns <= due_ns:
             return first
         paths = None if perception.paths is None else ()
-        return Perception(due_ns, (), OrientedBoxes.empty(), paths, perception.step_ns)
+        stamp_ns = max(due_ns, 0)  # a simulation's clock begins at 0, and ROS knows no time before
+        return Perception(stamp_ns, (), OrientedBoxes.empty(), paths, perception.step_ns)
 
     def clear(self) -> None:
         """Forget all."""

@@ -92,6 +92,14 @@ def test_the_list_is_of_the_newest_tick_that_is_old_enough(latency_s: float) -> 
         assert {one.last_seen_ns for one in seen.artefacts} == {seen.stamp_ns}
 
 
+def test_no_list_is_of_before_the_beginning_of_time() -> None:
+    """Where a clock begins at 0, the first lists are of 0, and empty."""
+    eye = detector({**PERFECT, "certainty.latency": 0.3})
+    empty = scene((), 0.0)
+    stamps = [eye.observe(k * 10**8, empty, {}, VIEW).stamp_ns for k in range(6)]
+    assert stamps == [0, 0, 0, 0, 10**8, 2 * 10**8]
+
+
 def test_a_track_coasts_and_is_given_up() -> None:
     """Unseen it goes on for a second, ever less sure, and says when it was last seen."""
     crowd = walkers(1)
