@@ -47,8 +47,6 @@ class FalseAlarms:
         self._seed, self._rows, self._law = seed, rows, law
         self._numbers = generator(seed, Purpose.FALSE_ALARM, 0)
         self._next_id = FIRST_ID
-        self._environment: Environment | None = None
-        self._free_m: npt.NDArray[np.float64] = np.empty((0, 2))
 
     def begin(
         self, now_ns: int, period_s: float, settings: CertaintyParameters, view: View
@@ -68,7 +66,7 @@ class FalseAlarms:
         draws = generator(self._seed, Purpose.FALSE_ALARM, number)
         row = self._rows[self._law.sample(draws)]
         end_ns = now_ns + max(1, seconds_to_ns(draws.exponential(life_s)))
-        corners_m = self._free_corners_m(view)
+        corners_m = _free_corners_m(view)
         if not len(corners_m):
             return None
         for _ in range(_TRIES):
@@ -99,15 +97,20 @@ class FalseAlarms:
         motions[:, 2] = environment.ground_heights_m(boxes_at(motions, shapes))
         return [Body.box(row, motion, now_ns) for motion in motions.tolist()]
 
-    def _free_corners_m(self, view: View) -> npt.NDArray[np.float64]:
-        """Return the low corners (M, 2), in the grid's frame, of free cells within the range."""
-        grid = view.environment.grid
-        if self._environment is not view.environment:
-            self._environment = view.environment
-            cells = np.argwhere(view.environment.classes.free)[:, ::-1]
-            self._free_m = np.asarray(grid.resolution_m * cells, np.float64)
-        camera_m = grid.origin.inverse().apply(np.array(((*view.camera_m.tolist(), 0.0),)))
-        middles_m = self._free_m + 0.5 * grid.resolution_m
-        is_near = np.hypot(*(middles_m - camera_m[0, :2]).T) <= view.max_range_m
-        near_m: npt.NDArray[np.float64] = self._free_m[is_near]
-        return near_m
+
+def _free_corners_m(view: View) -> npt.NDArray[np.float64]:
+    """Return the low corners (M, 2), in the grid's frame, of free cells with middles in range."""
+    grid = view.environment.grid
+    local_m = grid.origin.inverse().apply(np.array([[*view.camera_m.tolist(), 0.0]]))[0, :2]
+    low, high = (
+        np.floor((local_m + side * view.max_range_m) / grid.resolution_m) for side in (-1.0, 1.0)
+    )
+    col0, row0 = np.maximum(low, 0.0).astype(np.int64).tolist()
+    col1, row1 = np.maximum(high + 1.0, 0.0).astype(np.int64).tolist()
+    cells = np.argwhere(view.environment.classes.free[row0:row1, col0:col1])
+    corners_m = grid.resolution_m * (cells[:, ::-1] + np.array((col0, row0)))
+    middles_m = corners_m + 0.5 * grid.resolution_m
+    near: npt.NDArray[np.float64] = corners_m[
+        np.hypot(*(middles_m - local_m).T) <= view.max_range_m
+    ]
+    return near
