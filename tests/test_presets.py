@@ -1,5 +1,6 @@
 """The presets in config/: each describes itself, fits its map, and lives cleanly for a while."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,8 @@ from are_ros.describe.configuration import describe_lines
 from are_ros.describe.site import surveyed
 from are_ros.lab.soak import soak
 from are_ros.parameters.declaration import with_values
+from are_ros.parameters.model import Parameters
+from are_ros.parameters.ros_yaml import with_file
 from are_ros.population.mixture import mixture_of
 from are_ros.replay.command import effective_parameters
 from are_ros.world.map_io import read_map_file
@@ -20,13 +23,26 @@ PRESETS = {
     "warehouse": {"path_following", "dynamic_window"},
     "crowd": {"social_force"},
 }
+DETECTORS = ("perfect", "good", "poor")
 OFFICE_MAP = PROJECT / "bags" / "sample_office_map.yaml"
 
 
 def test_all_presets_are_tested() -> None:
-    """A preset is a parameter file with a catalogue beside it."""
+    """A preset is a parameter file with a catalogue beside it, or one of a detector."""
     files = {path.stem for path in FOLDER.glob("*.yaml")}
-    assert files == set(PRESETS) | {f"{name}_catalogue" for name in PRESETS}
+    sites = set(PRESETS) | {f"{name}_catalogue" for name in PRESETS}
+    assert files == sites | {f"certainty_{name}" for name in DETECTORS}
+
+
+def test_the_good_detector_is_the_default_one_switched_on() -> None:
+    """So `certainty.enabled` alone is enough; the others differ."""
+    on = with_values(Parameters(), {"certainty.enabled": True})
+    found = {name: with_file(Parameters(), FOLDER / f"certainty_{name}.yaml") for name in DETECTORS}
+    assert found["good"] == on
+    assert all(one.certainty.enabled for one in found.values())
+    assert replace(found["poor"], certainty=on.certainty) == on, "nothing else is set"
+    assert replace(found["perfect"], certainty=on.certainty) == on
+    assert len({one.certainty for one in found.values()}) == 3
 
 
 @pytest.mark.parametrize("name", PRESETS)

@@ -4,6 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 
+import numpy as np
+import numpy.typing as npt
+
 from are_ros.population.artefact import GroundPose, Origin
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -92,6 +95,19 @@ class PerceivedArtefact:
     existence: float
     roi_px: tuple[int, int, int, int]
     last_seen_ns: int
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedPath:
+    """Where a perceived artefact will be (are_msgs/PredictedPath).
+
+    `numbers` float64 (K, 43) are poses of F_A in the map's frame, x, y, z [m] and the quaternion
+    x, y, z, w, each followed by its covariance as in `PerceivedArtefact`. The first is one step
+    after the list's stamp, the others are one step apart.
+    """
+
+    artefact_id: int
+    numbers: npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

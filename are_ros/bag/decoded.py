@@ -73,7 +73,11 @@ class Scene:
 
 
 class Sighting(NamedTuple):
-    """One perceived artefact. `roi` is x, y, width and height in pixels."""
+    """One perceived artefact. `roi` is x, y, width and height in pixels.
+
+    `pose` are 7 numbers, x, y, z [m] and the quaternion, `size_m` 3, `twist` 6 in the axes of the
+    pose, linear [m/s] and angular [rad/s]; covariances are 36 numbers, row by row.
+    """
 
     artefact_id: int
     visible_pixels: int
@@ -85,6 +89,11 @@ class Sighting(NamedTuple):
     probabilities: tuple[float, ...]
     roi: tuple[int, int, int, int]
     last_seen_ns: int
+    pose: tuple[float, ...] = ()
+    pose_covariance: tuple[float, ...] = ()
+    size_m: tuple[float, ...] = ()
+    twist: tuple[float, ...] = ()
+    twist_covariance: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -100,6 +109,20 @@ class Perceived:
     def ids(self) -> frozenset[int]:
         """The ids of the perceived."""
         return frozenset(each.artefact_id for each in self.sightings)
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """The paths of the perceived by id, an are_msgs/PredictedPathArray.
+
+    A path is float64 (K, 43): the pose, 7 numbers, and its covariance, 36.
+    """
+
+    stamp_ns: int
+    at_ns: int
+    frame_id: str
+    step_ns: int
+    paths: MappingProxyType[int, Floats]
 
 
 @dataclass(frozen=True)
@@ -301,7 +324,21 @@ def _sighting(one: Any) -> Sighting:
         tuple(float(p) for p in one.probabilities),
         (int(roi.x_offset), int(roi.y_offset), int(roi.width), int(roi.height)),
         time_ns(one.last_seen),
+        _pose(one.pose.pose),
+        tuple(one.pose.covariance.tolist()),
+        _xyz(one.size),
+        (*_xyz(one.twist.twist.linear), *_xyz(one.twist.twist.angular)),
+        tuple(one.twist.covariance.tolist()),
     )
+
+
+def _predicted(message: Any, at_ns: int) -> Predicted:
+    paths = {
+        int(path.id): _rows(((*_pose(p.pose), *p.covariance.tolist()) for p in path.poses), 43)
+        for path in message.paths
+    }
+    stamp_ns, step_ns = time_ns(message.header.stamp), time_ns(message.step)
+    return Predicted(stamp_ns, at_ns, message.header.frame_id, step_ns, MappingProxyType(paths))
 
 
 def _event(message: Any, at_ns: int) -> Event:
@@ -402,6 +439,7 @@ _MAKERS: Final[MappingProxyType[str, Callable[[Any, int], Any]]] = MappingProxyT
     {
         "are_msgs/msg/ArtefactArray": _scene,
         "are_msgs/msg/PerceivedArtefactArray": _perceived,
+        "are_msgs/msg/PredictedPathArray": _predicted,
         "are_msgs/msg/ArtefactEvent": _event,
         "are_msgs/msg/SceneMetrics": _metrics,
         "nav_msgs/msg/OccupancyGrid": _grid,

@@ -24,7 +24,7 @@ from are_ros.bag.reader import BagMessage, BagReader, BagTopic, as_bag_errors
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError, InputError
 from are_ros.messages.sensors import SENSORS
-from are_ros.messages.tick_encoding import OUTPUTS
+from are_ros.messages.tick_encoding import ALL_OUTPUTS, OUTPUTS
 
 PREFIX: Final = "/ar_builder/"
 INPUT_TYPES: Final = (
@@ -331,7 +331,7 @@ def matters(topic: str, type_name: str) -> bool:
     if topic.startswith(PREFIX):
         name = topic.removeprefix(PREFIX)
         sensors = {kind.type_name for kind in SENSORS.values()}
-        return type_name in ({OUTPUTS[name].type_name} if name in OUTPUTS else sensors)
+        return type_name in ({ALL_OUTPUTS[name].type_name} if name in ALL_OUTPUTS else sensors)
     return type_name in INPUT_TYPES
 
 

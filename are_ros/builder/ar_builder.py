@@ -1,17 +1,28 @@
 """The AR-builder (section 3.3): composes world, artefacts and augmentation into ticks."""
 
+from functools import partial
+
 from are_ros.agents.events import ArtefactEvent, SceneMetrics
 from are_ros.builder import assembly
+from are_ros.builder.certainty.perception import Perception
+from are_ros.builder.certainty.view import View
 from are_ros.builder.costmap.augmented_map import Grids
-from are_ros.builder.costmap.registration import CoveredCells, clutter_ratio, covered_cells
+from are_ros.builder.costmap.registration import (
+    CellPatch,
+    CoveredCells,
+    clutter_ratio,
+    covered_cells,
+)
 from are_ros.builder.markers import NO_MARKERS, MarkerBatch
 from are_ros.builder.observation import Observation, perceived_artefacts, sight_events
 from are_ros.builder.scene import Scene
 from are_ros.builder.simulation import Simulation
 from are_ros.builder.tick import EVERYTHING, Demand, Tick
+from are_ros.parameters.choices import CostmapGate
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue
 from are_ros.population.departures import Cause
+from are_ros.world.rigid_transform import RigidTransform
 
 _NAN = float("nan")
 
@@ -29,6 +40,7 @@ class ArBuilder(Simulation):
         super().__init__(parameters, catalogue)
         self.demand = demand
         self._watch = assembly.watch(parameters, self.robots, self._meshes)
+        self._detector = assembly.detector(parameters, catalogue)
         self._gate = assembly.gate(parameters)
         self._grids = assembly.grid_augmentation(parameters)
         self._display = assembly.display(parameters, self._meshes)
@@ -72,16 +84,16 @@ class ArBuilder(Simulation):
         """
         environment = self.world.environment
         self.show_everything()
-        self._watch.forget()
-        nothing, self._seen = Observation(), {}
+        self._forget()
+        self._seen = {}
         return Tick(
             stamp_ns=now_ns,
             frame_id=self.parameters.frames.map,
             scene=Scene.of((), now_ns),
             observer=self.robots.observer.name,
-            perceived=(),
+            perception=Perception(now_ns, paths=() if self._predicts else None),
             events=tuple(self.lives.take_events()),
-            metrics=self._metrics(0, nothing),
+            metrics=self._metrics(0, 0),
             markers=self._display.delete_all(),
             grids=self._grids.bare(now_ns, environment) if environment else Grids(),
             map_from_base=None,
@@ -91,12 +103,18 @@ class ArBuilder(Simulation):
     def restart(self, now_ns: int, cause: Cause = Cause.CLOCK_JUMPED_BACK) -> None:
         """Remove all artefacts, and forget what came later than `now_ns`: the clock jumped."""
         super().restart(now_ns, cause)
-        self._watch.forget()
+        self._forget()
 
     def interrupt(self, from_ns: int, until_ns: int) -> None:
         """Skip a time in which nothing came in, and remove all artefacts before it."""
         super().interrupt(from_ns, until_ns)
-        self._watch.forget()
+        self._forget()
+
+    def reseed(self, seed: int, now_ns: int) -> None:
+        """Draw from another seed from now on; artefacts alive stay."""
+        super().reseed(seed, now_ns)
+        if self._detector is not None:
+            self._detector.reseed(seed)
 
     def reconfigure(self, parameters: Parameters, now_ns: int) -> None:
         """Use other values of the live parameters from `now_ns` on; the others are fixed.
@@ -107,6 +125,8 @@ class ArBuilder(Simulation):
         self.advance(now_ns)
         self.lives.reconfigure(parameters, assembly.collision_resolver(parameters), now_ns)
         self.parameters = parameters
+        if self._detector is not None:
+            self._detector.parameters = parameters
         self._sensors.reconfigure(parameters.sensors)
         self._grids.limit_rate(parameters.augmented_map.max_rate)
         if parameters.costmap != before.costmap:
@@ -120,17 +140,18 @@ class ArBuilder(Simulation):
         self.advance(now_ns)
         scene = self.lives.scene_at(now_ns)
         observation = self._observe(now_ns, scene)
+        perception = self._perceive(now_ns, scene, observation)
         cells = self._register(scene)
-        grids = self._augment(now_ns, observation, scene, cells)
+        grids = self._augment(now_ns, perception, scene, cells)
         return Tick(
             stamp_ns=now_ns,
             frame_id=self.parameters.frames.map,
             scene=scene,
             observer=self.robots.observer.name,
-            perceived=perceived_artefacts(scene, observation),
-            events=self._events(now_ns, observation, scene),
-            metrics=self._metrics(len(scene), observation),
-            markers=self._draw(now_ns, scene, observation),
+            perception=perception,
+            events=self._events(now_ns, perception, scene),
+            metrics=self._metrics(len(scene), len(perception.artefacts)),
+            markers=self._draw(now_ns, scene, perception),
             grids=grids,
             map_from_base=observation.map_from_base,
             map_from_camera=observation.map_from_camera,
@@ -142,9 +163,43 @@ class ArBuilder(Simulation):
         if environment is None or camera is None or not self.demand.perception:
             return self._watch.stand_by(now_ns)
         settings = self.parameters.occlusion
-        observation = self._watch.observe(now_ns, camera, environment, scene, settings)
-        self._sensors.perceived = frozenset(observation.sightings)
-        return observation
+        return self._watch.observe(now_ns, camera, environment, scene, settings)
+
+    def _perceive(self, now_ns: int, scene: Scene, observation: Observation) -> Perception:
+        """Certainty: A_f, or what a detector and a tracker make of it."""
+        ids = observation.sightings.keys()
+        if self._detector is None:
+            perception = Perception(now_ns, perceived_artefacts(scene, observation))
+        else:
+            is_look = observation.seen_ns == now_ns
+            sightings = observation.sightings if is_look else None
+            view = self._view(observation.map_from_camera)
+            perception = self._detector.observe(now_ns, scene, sightings, view)
+            if self.parameters.certainty.applies_to_sensors:
+                ids = perception.seen_ns.keys()
+        if self.demand.perception:
+            self._sensors.perceived = frozenset(ids)
+        return perception
+
+    @property
+    def _predicts(self) -> bool:
+        return self._detector is not None and self._detector.predicts
+
+    def _view(self, map_from_camera: RigidTransform | None) -> View | None:
+        """Return what the camera looks at from a pose, None where one of them is not known."""
+        environment, camera = self.lives.environment, self.camera
+        if map_from_camera is None or environment is None or camera is None:
+            return None
+        settings = self.parameters.occlusion
+        imagine = partial(self._watch.imagine, camera, map_from_camera, environment, settings)
+        camera_m = map_from_camera.translation_m[:2]
+        return View(environment, imagine, camera_m, settings.max_range)
+
+    def _forget(self) -> None:
+        """Forget what was seen."""
+        self._watch.forget()
+        if self._detector is not None:
+            self._detector.forget()
 
     def _register(self, scene: Scene) -> CoveredCells | None:
         """Registration: the cells that each artefact covers; None before there is a map."""
@@ -156,31 +211,47 @@ class ArBuilder(Simulation):
         return cells
 
     def _augment(
-        self, now_ns: int, observation: Observation, scene: Scene, cells: CoveredCells | None
+        self, now_ns: int, perception: Perception, scene: Scene, cells: CoveredCells | None
     ) -> Grids:
         """Augmentation of the grids with the artefacts that the gate admits."""
         environment, ids = self.lives.environment, scene.ids.tolist()
-        admitted = self._gate.admitted(now_ns, observation.sightings, ids, observation.seen_ns)
+        perceived = self._perceived_cells(perception)
+        candidates = {*ids, *perceived}
+        admitted = self._gate.admitted(now_ns, perception.seen_ns, candidates)
         if environment is None or cells is None or not self.demand.grids:
             return Grids()
         places = {number: k for k, number in enumerate(ids)}
-        patches = {i: cells.patch(places[i]) for i in admitted}
+        patches = {i: perceived.get(i) or cells.patch(places[i]) for i in admitted}
         return self._grids.update(now_ns, environment, patches)
 
+    def _perceived_cells(self, perception: Perception) -> dict[int, CellPatch]:
+        """Return the cells of what is perceived elsewhere than it is, by id.
+
+        None where the gate does not ask for what is perceived.
+        """
+        environment, boxes = self.lives.environment, perception.boxes
+        is_gated = self.parameters.costmap.gate is CostmapGate.PERCEIVED
+        if boxes is None or environment is None or not is_gated:
+            return {}
+        cells = covered_cells(boxes, environment.grid)
+        ids = [one.artefact_id for one in perception.artefacts]
+        return {number: cells.patch(k) for k, number in enumerate(ids)}
+
     def _events(
-        self, now_ns: int, observation: Observation, scene: Scene
+        self, now_ns: int, perception: Perception, scene: Scene
     ) -> tuple[ArtefactEvent, ...]:
+        """Return what happened to artefacts; of what is perceived only what is there."""
         labels = {artefact.id: artefact.row.label for artefact in scene.artefacts}
-        seen = {i: labels[i] for i in observation.sightings}
+        seen = {i: labels[i] for i in perception.seen_ns if i in labels}
         sights = sight_events(now_ns, self._seen, seen, labels)
         self._seen = seen
         return (*self.lives.take_events(), *sights)
 
-    def _metrics(self, alive: int, observation: Observation) -> SceneMetrics:
+    def _metrics(self, alive: int, perceived: int) -> SceneMetrics:
         counts = self.lives.population.counts
         return SceneMetrics(
             alive=alive,
-            perceived=len(observation.sightings),
+            perceived=perceived,
             arrivals=counts.arrived,
             departures=counts.departed,
             blocked=counts.blocked,
@@ -191,12 +262,12 @@ class ArBuilder(Simulation):
             rho=_NAN,
         )
 
-    def _draw(self, now_ns: int, scene: Scene, observation: Observation) -> MarkerBatch:
+    def _draw(self, now_ns: int, scene: Scene, perception: Perception) -> MarkerBatch:
         if not self.demand.markers:
             return NO_MARKERS
         everything, self._is_redraw_due = self._is_redraw_due, False
-        seen = observation.sightings
-        markers = self._display.update(now_ns, scene, seen, everything=everything)
+        seen_ns = perception.seen_ns
+        markers = self._display.update(now_ns, scene, seen_ns, everything=everything)
         environment = self.lives.environment
         if self._surroundings is None or environment is None:
             return markers

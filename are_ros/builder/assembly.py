@@ -6,6 +6,7 @@ from pathlib import Path
 
 from are_ros.agents.collisions import CollisionResolver, ContactPolicy, Displace, Hold, Remove
 from are_ros.agents.robots import RobotTracker
+from are_ros.builder.certainty.detector import Detector
 from are_ros.builder.costmap.augmented_map import GridAugmentation
 from are_ros.builder.costmap.inflation import InflatedCostmap
 from are_ros.builder.environment_marker import EnvironmentDisplay
@@ -82,6 +83,11 @@ def watch(parameters: Parameters, robots: RobotTracker, meshes: MeshBank) -> Cam
     """Return what lets the robot look, at `camera.rate`."""
     rate_hz, tick_rate_hz = parameters.camera.rate, parameters.builder.tick_rate
     return CameraObserver(robots, meshes, rate_hz, tick_rate_hz)
+
+
+def detector(parameters: Parameters, catalogue: Catalogue) -> Detector | None:
+    """Return the detector of `certainty`, None where perception is certain."""
+    return Detector(parameters, catalogue) if parameters.certainty.enabled else None
 
 
 def gate(parameters: Parameters) -> GateMemory | OpenGate:

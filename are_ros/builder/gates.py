@@ -1,6 +1,6 @@
 """Which artefacts the navigation stack is shown: those perceived, or all (§3.3, costmap.gate)."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable, Mapping
 
 from are_ros.errors import ParameterError
 from are_ros.parameters.choices import CostmapGate
@@ -21,27 +21,23 @@ class GateMemory:
         self._now_ns: int | None = None
 
     def admitted(
-        self,
-        now_ns: int,
-        perceived_ids: Collection[int],
-        alive_ids: Iterable[int],
-        seen_ns: int | None = None,
+        self, now_ns: int, perceived_ns: Mapping[int, int], alive_ids: Iterable[int]
     ) -> tuple[int, ...]:
         """Return the ids of the living seen recently enough, ascending.
 
-        `seen_ns` is when the perceived were looked at, if not now. The departed are forgotten at
+        `perceived_ns` is when those perceived now were seen, by id. The departed are forgotten at
         once; a clock that jumped back forgets everything seen before.
         """
         if self._now_ns is not None and now_ns < self._now_ns:
             self._last_seen_ns.clear()
         self._now_ns = now_ns
         last_ns = self._last_seen_ns
-        last_ns.update(dict.fromkeys(perceived_ids, now_ns if seen_ns is None else seen_ns))
+        last_ns.update(perceived_ns)
         self._last_seen_ns = {i: last_ns[i] for i in sorted(alive_ids) if i in last_ns}
         return tuple(
             i
             for i, ns in self._last_seen_ns.items()
-            if i in perceived_ids or now_ns - ns <= self._memory_ns
+            if i in perceived_ns or now_ns - ns <= self._memory_ns
         )
 
 
@@ -49,14 +45,10 @@ class OpenGate:
     """Admits every living artefact."""
 
     def admitted(
-        self,
-        now_ns: int,
-        perceived_ids: Collection[int],
-        alive_ids: Iterable[int],
-        seen_ns: int | None = None,
+        self, now_ns: int, perceived_ns: Mapping[int, int], alive_ids: Iterable[int]
     ) -> tuple[int, ...]:
         """Return the ids of the living, ascending."""
-        del now_ns, perceived_ids, seen_ns
+        del now_ns, perceived_ns
         return tuple(sorted(set(alive_ids)))
 
 

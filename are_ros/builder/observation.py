@@ -12,6 +12,7 @@ from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Shape
 from are_ros.parameters.model import OcclusionParameters
+from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.cameras import Camera, ViewModel
 from are_ros.world.environment import Environment
 from are_ros.world.rigid_transform import RigidTransform
@@ -28,6 +29,11 @@ class Sighting:
     unoccluded_pixels: int
     roi_px: tuple[int, int, int, int]
     range_m: float
+
+    @property
+    def visible_fraction(self) -> float:
+        """The share of its pixels that are visible."""
+        return self.visible_pixels / max(self.unoccluded_pixels, 1)
 
 
 def _sighting(seen: Visibility, index: int) -> Sighting:
@@ -75,7 +81,7 @@ def perceived_artefact(state: ArtefactState, sighting: Sighting, seen_ns: int) -
         twist_covariance=_CERTAIN,
         visible_pixels=sighting.visible_pixels,
         unoccluded_pixels=sighting.unoccluded_pixels,
-        visible_fraction=sighting.visible_pixels / max(sighting.unoccluded_pixels, 1),
+        visible_fraction=sighting.visible_fraction,
         range_m=sighting.range_m,
         existence=1.0,
         roi_px=sighting.roi_px,
@@ -144,6 +150,24 @@ class CameraObserver:
             for i, artefact in enumerate(scene.artefacts)
             if seen.visible_pixels[i] > settings.tau
         }
+
+    def imagine(
+        self,
+        camera: Camera,
+        map_from_camera: RigidTransform,
+        environment: Environment,
+        settings: OcclusionParameters,
+        boxes: OrientedBoxes,
+    ) -> list[Sighting | None]:
+        """Return how each of N boxes would be seen, alone in the environment.
+
+        None for a box of which not more than tau pixels are visible.
+        """
+        self.prepare(environment)
+        buffer = self.prepare_camera(camera, settings)
+        seen = buffer.visibility(map_from_camera, boxes, self._field, mutual=False)
+        are_seen = (seen.visible_pixels > settings.tau).tolist()
+        return [_sighting(seen, i) if is_seen else None for i, is_seen in enumerate(are_seen)]
 
     def prepare(self, environment: Environment) -> None:
         """Prepare the rays for an environment, if it is another one than before."""

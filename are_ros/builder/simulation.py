@@ -256,6 +256,11 @@ class Simulation:
         self.lives.restart(now_ns, cause)
         self._sensors.clear()
 
+    def reseed(self, seed: int, now_ns: int) -> None:
+        """Draw from another seed from now on; artefacts alive stay."""
+        self.advance(now_ns)
+        self.lives.reseed(seed, now_ns)
+
     def interrupt(self, from_ns: int, until_ns: int) -> None:
         """Skip [from_ns, until_ns), a gap of the recording.
 

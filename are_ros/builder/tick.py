@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from are_ros.agents.events import ArtefactEvent, ArtefactState, PerceivedArtefact, SceneMetrics
+from are_ros.builder.certainty.perception import Perception
 from are_ros.builder.costmap.augmented_map import Grids
 from are_ros.builder.markers import MarkerBatch
 from are_ros.builder.scene import Scene
@@ -30,22 +31,28 @@ EVERYTHING: Final = Demand()
 class Tick:
     """The outputs of one tick, in the map's frame; `events` are those since the last tick.
 
-    `scene` are the living artefacts as columns. `map_from_base` and `map_from_camera` are the poses
-    that the tick used, None where it had none: then nothing is perceived. Readings of sensors leave
-    by a path of their own.
+    `scene` are the living artefacts as columns. `perception` is what the observer is told to
+    perceive, as of a stamp of its own. `map_from_base` and `map_from_camera` are the poses that the
+    tick used, None where it had none: then nothing is seen. Readings of sensors leave by a path of
+    their own.
     """
 
     stamp_ns: int
     frame_id: str
     scene: Scene
     observer: str
-    perceived: tuple[PerceivedArtefact, ...]
+    perception: Perception
     events: tuple[ArtefactEvent, ...]
     metrics: SceneMetrics
     markers: MarkerBatch
     grids: Grids
     map_from_base: RigidTransform | None
     map_from_camera: RigidTransform | None
+
+    @property
+    def perceived(self) -> tuple[PerceivedArtefact, ...]:
+        """The artefacts of the perception."""
+        return self.perception.artefacts
 
     @property
     def artefacts(self) -> tuple[ArtefactState, ...]:

@@ -15,7 +15,7 @@ from are_ros.bag.recording import PREFIX
 from are_ros.checks.result import CheckResult, Tally, at_s, merged, skipped
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.sensors import SENSORS
-from are_ros.messages.tick_encoding import OUTPUTS
+from are_ros.messages.tick_encoding import ALL_OUTPUTS, OUTPUTS
 from are_ros.wording import counted
 
 _SENSOR_TYPES: Final = tuple(kind.type_name for kind in SENSORS.values())
@@ -133,7 +133,7 @@ def _check_topics(channels: _Channels, *, is_live: bool) -> CheckResult:
 
 def _is_expected(topic: str, type_name: str, is_live: bool) -> bool:
     """Tell whether this is an output; a live node has other topics, too."""
-    expected = OUTPUTS.get(topic.removeprefix(PREFIX))
+    expected = ALL_OUTPUTS.get(topic.removeprefix(PREFIX))
     if expected is None:
         return is_live or type_name in _SENSOR_TYPES
     return type_name == expected.type_name
@@ -144,7 +144,7 @@ def _check_qos(channels: _Channels, *, is_live: bool) -> CheckResult:
     tally = Tally(_NAMES[3], "topic")
     for channel, schema in channels.values():
         name = channel.topic.removeprefix(PREFIX)
-        if name == channel.topic or (is_live and name not in OUTPUTS):
+        if name == channel.topic or (is_live and name not in ALL_OUTPUTS):
             continue
         tally.look()
         is_map = schema is not None and schema.name == _LATCHED_TYPE

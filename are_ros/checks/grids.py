@@ -18,6 +18,7 @@ from are_ros.checks.oracle.inflation import Costs, Inflation
 from are_ros.checks.oracle.plane import Outline
 from are_ros.checks.oracle.solids import SURE, Cover, RealMap, are_same, layer
 from are_ros.checks.overlaps import covers_by_tick
+from are_ros.checks.perception.certainty import PerceivedPlaces
 from are_ros.checks.record import GridMessage, Record, real_map
 from are_ros.checks.result import CheckResult, Tally, at_s, skipped
 from are_ros.conventions import NS_PER_S, OCCUPIED, seconds_to_ns
@@ -61,8 +62,12 @@ class AdmittedTick:
 def admitted_by_tick(record: Record, settings: CostmapParameters) -> Iterator[AdmittedTick]:
     """Yield each tick with the artefacts that `costmap.gate` admits to the grids.
 
-    These are all artefacts, or those perceived at most `costmap.memory` before.
+    These are all artefacts, or those perceived at most `costmap.memory` before. With certainty,
+    what is perceived now stands where it is perceived, whether it is there or not.
     """
+    places = PerceivedPlaces()
+    has_places = record.settings.certainty.enabled
+    lists = {message.at_ns: message for message in record.perceived}
     seen_ns: dict[int, int] = {}
     # With a camera that is slower than the ticks the last look was before the tick.
     perceived = {
@@ -81,11 +86,15 @@ def admitted_by_tick(record: Record, settings: CostmapParameters) -> Iterator[Ad
             unsure_until_ns = max(unsure_until_ns, scene.stamp_ns + memory_ns + 1)
         now_seen = perceived.get(scene.at_ns, {})
         seen_ns |= now_seen
-        seen_ns = {number: seen_ns[number] for number in ids if number in seen_ns}
+        cells = dict(zip(ids, covers, strict=False))  # without a map there are no covers
+        places.learn(scene)
+        if has_places and real is not None and scene.at_ns in lists:
+            cells |= places.covers(lists[scene.at_ns], real)
+        known = {*ids, *now_seen} if has_places else ids
+        seen_ns = {number: seen_ns[number] for number in known if number in seen_ns}
         limit_ns = scene.stamp_ns - memory_ns
         shown = frozenset(i for i, at_ns in seen_ns.items() if i in now_seen or at_ns >= limit_ns)
-        both = zip(ids, covers, strict=False)  # without a map there are no covers
-        chosen = [cover for number, cover in both if number in shown]
+        chosen = [cover for number, cover in sorted(cells.items()) if number in shown]
         yield AdmittedTick(scene, real, chosen, shown, scene.stamp_ns >= unsure_until_ns)
 
 

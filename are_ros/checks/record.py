@@ -1,8 +1,8 @@
 """What the checks need of a recording: one record for each loop of the clock."""
 
 import heapq
-from bisect import bisect_right
-from collections.abc import Iterator
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -18,6 +18,7 @@ from are_ros.bag.decoded import (
     Metrics,
     Odometry,
     Perceived,
+    Predicted,
     Scan,
     Scene,
     Transforms,
@@ -43,7 +44,7 @@ from are_ros.checks.oracle.frames import ODOMETRY, PARAMETER, TF, Frames
 from are_ros.checks.oracle.solids import Cloud, RealMap
 from are_ros.checks.result import Tally, at_s
 from are_ros.checks.scan_pairs import ScanPairs
-from are_ros.conventions import NS_PER_S
+from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import AreError, InputError
 from are_ros.parameters.choices import OdometryUse
 from are_ros.parameters.model import Parameters
@@ -90,6 +91,7 @@ class Record:
     scenes: list[Scene] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
     perceived: list[Perceived] = field(default_factory=list)
+    predicted: list[Predicted] = field(default_factory=list)
     metrics: list[Metrics] = field(default_factory=list)
     shows: list[MarkerShow] = field(default_factory=list)
     maps_by_topic: dict[str, list[RealMap]] = field(default_factory=dict)
@@ -136,6 +138,20 @@ class Record:
             return f"several topics may be the real map ({names}), and no map file was given"
         return "the recording holds no real map, and no map file was given"
 
+    def perceived_ids(self) -> dict[int, frozenset[int]]:
+        """Return the ids of `~/perceived` by time."""
+        return {message.at_ns: message.ids for message in self.perceived}
+
+    def is_of_its_time(self, message: Perceived) -> bool:
+        """Tell whether a list has the stamp of its tick; with certainty, one `latency` before."""
+        certainty, age_ns = self.settings.certainty, message.at_ns - message.stamp_ns
+        if not certainty.enabled:
+            return age_ns == 0
+        latency_ns = seconds_to_ns(certainty.latency)
+        if self.is_live or not message.stamp_ns:
+            return age_ns >= 0
+        return latency_ns <= age_ns < latency_ns + self.period_ns
+
     def has_inputs(self) -> bool:
         """Tell whether inputs were copied beside the outputs."""
         return any(not topic.startswith(PREFIX) for topic in self.topics)
@@ -174,7 +190,7 @@ class Record:
         kept: dict[type, list[Any]] = {ImageFormat: self.images}
         if is_output:
             kept |= {Scene: self.scenes, Event: self.events}
-            kept |= {Perceived: self.perceived, Metrics: self.metrics}
+            kept |= {Perceived: self.perceived, Predicted: self.predicted, Metrics: self.metrics}
         if kind in kept:
             kept[kind].append(value)
         elif kind is Grid:
@@ -196,6 +212,8 @@ class Record:
         period_ns = self.period_ns
         self.scenes, self.farewells_ns = part_farewells(self.scenes, period_ns)
         stamps = [scene.stamp_ns for scene in self.scenes]
+        if self.settings.certainty.enabled:
+            self.perceived = at_their_ticks(self.perceived, stamps, self.settings.certainty.latency)
         self.runs = runs_of(stamps, period_ns, self.farewells_ns)
         self.perceived = self._without_farewells(self.perceived, frozenset(stamps))
         self.metrics = self._without_farewells(self.metrics, frozenset(stamps))
@@ -237,6 +255,23 @@ class Record:
     ) -> None:
         parent, child, stamp_ns, numbers = sample
         self.frames.add(parent, child, stamp_ns, at_ns, numbers, source, is_static=is_static)
+
+
+def at_their_ticks(
+    messages: Sequence[Perceived], stamps_ns: Sequence[int], latency_s: float
+) -> list[Perceived]:
+    """Return live lists with the times of the ticks that gave them out, in the same order.
+
+    That is the first tick, after the one of the list before, at which a list was old enough. One
+    that came after the last such tick keeps its own time.
+    """
+    latency_ns, at, placed = seconds_to_ns(latency_s), 0, list[Perceived]()
+    for message in messages:
+        at = max(at, bisect_left(stamps_ns, message.stamp_ns + latency_ns))
+        is_known = at < len(stamps_ns)
+        placed.append(replace(message, at_ns=stamps_ns[at]) if is_known else message)
+        at += 1
+    return placed
 
 
 def real_map(grid: Grid) -> RealMap:

@@ -16,6 +16,8 @@ from are_ros.checks.grids import check_grids
 from are_ros.checks.markers import check_marker_fading, check_marker_rules, check_marker_state
 from are_ros.checks.oracle.solids import RealMap
 from are_ros.checks.overlaps import check_clutter, check_neighbours, check_robot, check_walls
+from are_ros.checks.perception.certainty import check_certainty, check_predicted
+from are_ros.checks.perception.sightings import check_perceived, check_sight_events
 from are_ros.checks.record import Reading
 from are_ros.checks.result import CheckResult, Outcome, merged
 from are_ros.checks.scans import check_scans
@@ -23,8 +25,6 @@ from are_ros.checks.ticks import (
     check_farewells,
     check_lives,
     check_metrics,
-    check_perceived,
-    check_sight_events,
     check_ticks,
 )
 from are_ros.errors import BagError
@@ -75,6 +75,8 @@ def check_recording(
         for record in records:
             record.choose_maps(_read_map(map_file, record.world_frame))
         checks = (*_SCENE_CHECKS, check_farewells) if is_live else _SCENE_CHECKS
+        if parameters is not None and parameters.certainty.enabled:
+            checks = (*checks, check_certainty, check_predicted)
         results += [merged([check(record) for record in records]) for check in checks]
         loops = ((record, reading.grids(number)) for number, record in enumerate(records))
         results += check_grids(loops)

@@ -17,7 +17,12 @@ from are_ros.parameters.choices import (
     SensorGate,
 )
 from are_ros.parameters.declaration import Value, describe, flatten
-from are_ros.parameters.model import CameraParameters, Parameters, PopulationParameters
+from are_ros.parameters.model import (
+    CameraParameters,
+    CertaintyParameters,
+    Parameters,
+    PopulationParameters,
+)
 from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.population.mixture import Numbers, TruncatedPoissonMixture, mixture_of
 from are_ros.wording import aligned, counted, percent, section
@@ -61,9 +66,20 @@ def _outputs(parameters: Parameters) -> list[tuple[str, str]]:
         ("camera", _camera_text(parameters.camera)),
         ("perceived", f"more than {occlusion.tau} px visible within {occlusion.max_range:g} m"),
         ("hidden by", f"{hidden_by} ({occlusion.shape.value})"),
+        *_detector_lines(parameters.certainty),
         ("grids", _grid_text(parameters)),
         ("scans", f"{scans}; {_sensor_text(sensors.gate)}, as {sensors.shape.value}"),
     ]
+
+
+def _detector_lines(certainty: CertaintyParameters) -> list[tuple[str, str]]:
+    """Say how sure what is perceived is; nothing where it is certain."""
+    if not certainty.enabled:
+        return []
+    alarms = f"{60.0 * certainty.false_alarm_rate:g} false alarms a minute"
+    best = f"detects {100.0 * certainty.detection:g} % at best"
+    half = f", half of that at {certainty.half_range:g} m" if certainty.half_range else ""
+    return [("detector", f"{best}{half}; {alarms}; {certainty.latency:g} s late")]
 
 
 def _camera_text(camera: CameraParameters) -> str:

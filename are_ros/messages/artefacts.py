@@ -7,7 +7,12 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.events import ArtefactEvent, PerceivedArtefact, SceneMetrics
+from are_ros.agents.events import (
+    ArtefactEvent,
+    PerceivedArtefact,
+    PredictedPath,
+    SceneMetrics,
+)
 from are_ros.builder.scene import Scene, Status, features_of
 from are_ros.messages.cdr import CdrWriter
 from are_ros.population.artefact import Artefact
@@ -117,6 +122,21 @@ def encode_perceived(
     writer.count(len(perceived))
     for artefact in perceived:
         _append_perceived(writer, artefact)
+    return writer.message()
+
+
+def encode_predicted(
+    frame_id: str, stamp_ns: int, observer: str, step_ns: int, paths: Sequence[PredictedPath]
+) -> bytes:
+    """Return an are_msgs/PredictedPathArray: poses in the map's frame, `step_ns` apart."""
+    writer = CdrWriter()
+    writer.header(frame_id, stamp_ns)
+    writer.text(observer)
+    writer.time(step_ns)
+    writer.count(len(paths))
+    for path in paths:
+        writer.pack(_UINT64, 8, path.artefact_id)
+        writer.numbers(path.numbers, "<f8")
     return writer.message()
 
 

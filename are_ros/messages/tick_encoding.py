@@ -11,9 +11,11 @@ from are_ros.messages.artefacts import (
     encode_event,
     encode_metrics,
     encode_perceived,
+    encode_predicted,
 )
 from are_ros.messages.maps import encode_grid, encode_grid_update
 from are_ros.messages.markers import MarkerEncoder
+from are_ros.parameters.model import CertaintyParameters
 
 
 class OutputTopic(NamedTuple):
@@ -39,6 +41,19 @@ OUTPUTS: Final[Mapping[str, OutputTopic]] = MappingProxyType(
     }
 )
 """The outputs of ticks by name, the last part of their topics."""
+
+OPTIONAL_OUTPUTS: Final[Mapping[str, OutputTopic]] = MappingProxyType(
+    {"predicted": OutputTopic("are_msgs/msg/PredictedPathArray")}
+)
+"""Those that only some parameters bring."""
+
+ALL_OUTPUTS: Final[Mapping[str, OutputTopic]] = MappingProxyType({**OUTPUTS, **OPTIONAL_OUTPUTS})
+
+
+def offered_outputs(certainty: CertaintyParameters) -> Mapping[str, OutputTopic]:
+    """Return the outputs that there are with these parameters."""
+    predicts = certainty.enabled and certainty.prediction_horizon > 0.0
+    return ALL_OUTPUTS if predicts else OUTPUTS
 
 
 class EncodedMessage(NamedTuple):
@@ -68,8 +83,11 @@ class TickEncoder:
         with the character NUL in it.
         """
         frame_id, stamp_ns, grids = tick.frame_id, tick.stamp_ns, tick.grids
-        perceived = tick.perceived if self.demand.perception else None
-        seen_by = frame_id, stamp_ns, tick.observer
+        perception = tick.perception
+        is_demanded = self.demand.perception
+        perceived = perception.artefacts if is_demanded else None
+        paths = perception.paths if is_demanded else None
+        seen_by = frame_id, perception.stamp_ns, tick.observer
         outputs: tuple[tuple[str, Any, Callable[[Any], bytes]], ...] = (
             ("augmented_map", grids.augmented_map, encode_grid),
             ("augmented_map_updates", grids.update, encode_grid_update),
@@ -79,6 +97,7 @@ class TickEncoder:
             *(("events", event, partial(encode_event, frame_id)) for event in tick.events),
             ("artefacts", tick.scene, partial(self._artefacts.encode, frame_id, stamp_ns)),
             ("perceived", perceived, partial(encode_perceived, *seen_by)),
+            ("predicted", paths, partial(encode_predicted, *seen_by, perception.step_ns)),
             ("metrics", tick.metrics, partial(encode_metrics, frame_id, stamp_ns)),
             ("markers", tick.markers or None, partial(self._markers.encode, frame_id, stamp_ns)),
         )

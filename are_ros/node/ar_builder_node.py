@@ -15,6 +15,7 @@ from are_ros.builder.assembly import catalogue_of
 from are_ros.builder.warm_up import warm_up
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, NodeError
+from are_ros.messages.tick_encoding import offered_outputs
 from are_ros.node.diagnostics import Reporter
 from are_ros.node.heartbeat import offer_heartbeat
 from are_ros.node.live_builder import LiveBuilder
@@ -175,7 +176,8 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         subscriptions = self._inputs = Subscriptions(
             self, parameters.sensors, self._store, self._say
         )
-        publishers = self._outputs = Publishers(self, subscriptions.roles, self._say)
+        offered = offered_outputs(parameters.certainty)
+        publishers = self._outputs = Publishers(self, subscriptions.roles, offered, self._say)
         decoding = WireDecoding()
         self.live = LiveBuilder(
             parameters,

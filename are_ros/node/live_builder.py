@@ -40,7 +40,7 @@ process that was stopped has to get from the network first what came meanwhile."
 _LISTENS_MOST_NS: Final = NS_PER_S
 """So long after its deadline no scan is kept back, however late the node always is."""
 _NONE_NS: Final = -(2**63)
-_SIGHTS: Final = ("perceived", "events", "metrics", "markers")
+_SIGHTS: Final = ("perceived", "predicted", "events", "metrics", "markers")
 """The outputs that need perception."""
 
 

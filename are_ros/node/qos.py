@@ -18,7 +18,7 @@ from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverriding
 
 from are_ros.errors import ParameterError
 from are_ros.messages.sensors import SENSORS
-from are_ros.messages.tick_encoding import OUTPUTS, OutputTopic
+from are_ros.messages.tick_encoding import ALL_OUTPUTS, OutputTopic
 from are_ros.node.message_classes import message_class
 
 
@@ -67,7 +67,7 @@ def input_qos(role: str) -> QoSProfile:
 
 def output_qos(name: str) -> QoSProfile:
     """Return a new profile for an output, by the last part of its topic: always reliable."""
-    entry = OUTPUTS.get(name, _OTHER_OUTPUT)
+    entry = ALL_OUTPUTS.get(name, _OTHER_OUTPUT)
     return _profile(True, entry.is_latched, entry.depth)
 
 

@@ -15,7 +15,7 @@ from rclpy.serialization import deserialize_message
 from are_ros.errors import AreError, InputError, NodeError
 from are_ros.messages.odometry import OdometryNumbers, read_odometry_numbers
 from are_ros.messages.sensors import SENSORS, sensor_outputs, sensor_topics
-from are_ros.messages.tick_encoding import OUTPUTS
+from are_ros.messages.tick_encoding import OUTPUTS, OutputTopic
 from are_ros.messages.transforms import (
     StampedTransform,
     decode_transforms_cdr,
@@ -205,12 +205,18 @@ class Publishers:
     override of its QoS makes no sense.
     """
 
-    def __init__(self, node: Node, roles: Mapping[str, str], say: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        roles: Mapping[str, str],
+        outputs: Mapping[str, OutputTopic],
+        say: Callable[[str], None],
+    ) -> None:
         """Offer the outputs of ticks, and of the sensors among the roles by input topic."""
         self._node = node
         self._publishers: dict[str, Any] = {}
         self._viewers = 0
-        types = {name: output.type_name for name, output in OUTPUTS.items()}
+        types = {name: output.type_name for name, output in outputs.items()}
         names = sensor_outputs(roles)
         types |= {names[topic]: kind.type_name for topic, kind in sensor_topics(roles).items()}
         try:

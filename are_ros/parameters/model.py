@@ -259,6 +259,171 @@ class OcclusionParameters:
 
 
 @dataclass(frozen=True)
+class CertaintyParameters:
+    """What a detector and a tracker make of the perceived artefacts (docs/certainty.md)."""
+
+    enabled: bool = parameter(
+        False,
+        "What is perceived is what a detector and a tracker would give; false: exactly A_f.",
+    )
+    detection: float = parameter(
+        0.97,
+        "Probability that a look detects an artefact that is near and wholly visible.",
+        low=0.0,
+        high=1.0,
+        live=True,
+    )
+    half_fraction: float = parameter(
+        0.25,
+        "Visible fraction at which the probability of detection is halved; 0: it plays no part.",
+        low=0.0,
+        high=1.0,
+        live=True,
+    )
+    half_range: float = parameter(
+        15.0,
+        "Range at which the probability of detection is halved; 0: it plays no part.",
+        unit="m",
+        low=0.0,
+        high=1000.0,
+        live=True,
+    )
+    class_accuracy: float = parameter(
+        0.85,
+        "Probability that a look at the class names the true one; otherwise any other.",
+        low=0.01,
+        high=1.0,
+        live=True,
+    )
+    class_time: float = parameter(
+        1.0,
+        "Time between two independent looks at the class of an artefact.",
+        unit="s",
+        low=0.0,
+        high=1000.0,
+        live=True,
+    )
+    position_noise: float = parameter(
+        0.04,
+        "Standard deviation of a detected position at range 0.",
+        unit="m",
+        low=0.0,
+        high=100.0,
+        live=True,
+    )
+    range_noise: float = parameter(
+        0.02,
+        "Growth of the deviation along the line of sight with the range.",
+        unit="m/m",
+        low=0.0,
+        high=1.0,
+        live=True,
+    )
+    bearing_noise: float = parameter(
+        0.005,
+        "Standard deviation of the direction in which an artefact is detected.",
+        unit="rad",
+        low=0.0,
+        high=1.0,
+        live=True,
+    )
+    yaw_noise: float = parameter(
+        0.15,
+        "Standard deviation of a detected heading.",
+        unit="rad",
+        low=0.0,
+        high=1.0,
+        live=True,
+    )
+    speed_noise: float = parameter(
+        0.6,
+        "Standard deviation of each component of the velocity when a track begins.",
+        unit="m/s",
+        low=0.0,
+        high=100.0,
+        live=True,
+    )
+    turn_noise: float = parameter(
+        0.5,
+        "Standard deviation of the yaw rate when a track begins.",
+        unit="rad/s",
+        low=0.0,
+        high=100.0,
+        live=True,
+    )
+    acceleration: float = parameter(
+        0.5,
+        "How much an artefact may accelerate, as the tracker has it: the density of white noise.",
+        unit="m/s^1.5",
+        low=0.0,
+        high=100.0,
+        live=True,
+    )
+    turn_acceleration: float = parameter(
+        0.5,
+        "The same for its yaw rate.",
+        unit="rad/s^1.5",
+        low=0.0,
+        high=100.0,
+        live=True,
+    )
+    coast: float = parameter(
+        1.0,
+        "How long a track goes on without a detection.",
+        unit="s",
+        low=0.0,
+        high=1000.0,
+        live=True,
+    )
+    min_existence: float = parameter(
+        0.1,
+        "A track is published from this probability of existence on.",
+        low=0.0,
+        high=1.0,
+        live=True,
+    )
+    false_alarm_rate: float = parameter(
+        0.02,
+        "Rate of new false alarms while the camera looks.",
+        unit="1/s",
+        low=0.0,
+        high=100.0,
+        live=True,
+    )
+    false_alarm_life: float = parameter(
+        0.5,
+        "Mean time for which a false alarm goes on being detected.",
+        unit="s",
+        low=0.001,
+        high=1000.0,
+        live=True,
+    )
+    latency: float = parameter(
+        0.1,
+        "The list tells how things were this long ago, at least.",
+        unit="s",
+        low=0.0,
+        high=10.0,
+        live=True,
+    )
+    prediction_horizon: float = parameter(
+        2.0,
+        "How far ahead ~/predicted tells paths; 0: there is no such topic.",
+        unit="s",
+        low=0.0,
+        high=60.0,
+    )
+    prediction_step: float = parameter(
+        0.5, "Time between two poses of a predicted path.", unit="s", low=0.01, high=60.0
+    )
+    applies_to_sensors: bool = parameter(
+        False,
+        "With sensors.gate: perceived, sensors meet the artefacts that ~/perceived lists, not A_f.",
+        live=True,
+    )
+
+
+@dataclass(frozen=True)
 class CostmapParameters:
     """The gate of both grids, and Nav2's inflation."""
 
@@ -454,6 +619,7 @@ class Parameters:
     robot: RobotParameters = field(default_factory=RobotParameters)
     camera: CameraParameters = field(default_factory=CameraParameters)
     occlusion: OcclusionParameters = field(default_factory=OcclusionParameters)
+    certainty: CertaintyParameters = field(default_factory=CertaintyParameters)
     costmap: CostmapParameters = field(default_factory=CostmapParameters)
     augmented_map: AugmentedMapParameters = field(default_factory=AugmentedMapParameters)
     behaviour: BehaviourParameters = field(default_factory=BehaviourParameters)

@@ -23,6 +23,9 @@ class Purpose(IntEnum):
     PERCEPTION = 9
     REQUEST = 10
     DECISION = 11
+    CLASSIFICATION = 12
+    ESTIMATION = 13
+    FALSE_ALARM = 14
 
 
 def generator(seed: int, purpose: Purpose, artefact_id: int) -> np.random.Generator:

@@ -80,7 +80,8 @@ def _lines(tally: _Tally) -> Iterator[str]:
         f"artefacts    {events[ARRIVED]} arrived, {events[DEPARTED]} departed; "
         f"alive {sum(alive) / len(alive):.1f} on average, {max(alive)} at most"
     )
-    yield f"perceived    {len(tally.perceived)} of {len(tally.labels)} at some time"
+    perceived = tally.perceived & tally.labels.keys()  # false alarms have no label
+    yield f"perceived    {len(perceived)} of {len(tally.labels)} at some time"
     contacts = events[ROBOT_CONTACT]
     yield f"robot        {contacts} {'contact' if contacts == 1 else 'contacts'} with artefacts"
     shown = sum(map(len, tally.in_the_maps.values()))

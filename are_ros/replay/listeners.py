@@ -18,7 +18,7 @@ from are_ros.errors import AreError
 from are_ros.messages.common import MessageFactory
 from are_ros.messages.maps import Points, make_cloud, make_grid
 from are_ros.messages.sensors import sensor_outputs, sensor_topics
-from are_ros.messages.tick_encoding import OUTPUTS, TickEncoder
+from are_ros.messages.tick_encoding import OUTPUTS, OutputTopic, TickEncoder
 from are_ros.messages.transforms import StampedTransform, encode_transforms_cdr, make_transforms
 from are_ros.parameters.choices import Region
 from are_ros.replay.runner import Listener
@@ -32,14 +32,18 @@ class TickWriter(Listener):
     """Encodes ticks and released readings, and appends them."""
 
     def __init__(
-        self, writer: BagWriter, roles: Mapping[str, str], demand: Demand = EVERYTHING
+        self,
+        writer: BagWriter,
+        roles: Mapping[str, str],
+        demand: Demand = EVERYTHING,
+        outputs: Mapping[str, OutputTopic] = OUTPUTS,
     ) -> None:
-        """Announce all output topics; `roles` are those of the input topics."""
+        """Announce the output topics; `roles` are those of the input topics."""
         self._writer = writer
         self._encoder = TickEncoder(demand)
         self._sensors = sensor_topics(roles)
         self._sensor_outputs = {t: PREFIX + name for t, name in sensor_outputs(roles).items()}
-        for name, (type_name, is_latched, depth) in OUTPUTS.items():
+        for name, (type_name, is_latched, depth) in outputs.items():
             writer.add_topic(PREFIX + name, type_name, is_latched=is_latched, depth=depth)
         for topic, output in self._sensor_outputs.items():
             writer.add_topic(output, self._sensors[topic].type_name)

@@ -25,6 +25,7 @@ from are_ros.draw.scene import SceneRecord
 from are_ros.errors import BagError, InputError, MapError
 from are_ros.messages.feed import Refusals
 from are_ros.messages.sensors import SENSORS, sensor_topics
+from are_ros.messages.tick_encoding import offered_outputs
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.choices import CameraModel, OnRobotContact
 from are_ros.parameters.declaration import with_values
@@ -239,7 +240,8 @@ def _open_writers(
         return (), dict
     writer = stack.enter_context(BagWriter(options.out / AUGMENTED))
     factory = RosbagsFactory()
-    outputs = TickWriter(writer, replay.role_of_topic, options.demand)
+    offered = offered_outputs(options.parameters.certainty)
+    outputs = TickWriter(writer, replay.role_of_topic, options.demand, offered)
     if not options.with_inputs:
         return (outputs,), writer.counts
     copy = InputCopy(reader, writer, factory, replay.role_of_topic)

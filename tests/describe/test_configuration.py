@@ -241,3 +241,10 @@ def test_mixture_that_does_not_fit() -> None:
     """A mixture beyond the catalogue is refused as the builder refuses it."""
     with pytest.raises(ParameterError, match="at least half"):
         _text(mixture__rates=[1.0, 900.0])
+
+
+def test_a_detector_is_described_where_there_is_one() -> None:
+    """Without certainty there is no word of it."""
+    assert "detector" not in _text(everything=False)
+    text = _text(certainty__enabled=True, certainty__false_alarm_rate=0.5)
+    assert "detects 97 % at best, half of that at 15 m; 30 false alarms a minute" in text

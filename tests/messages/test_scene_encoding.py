@@ -8,9 +8,20 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.agents.events import ArtefactEvent, EventKind, PerceivedArtefact, SceneMetrics
+from are_ros.agents.events import (
+    ArtefactEvent,
+    EventKind,
+    PerceivedArtefact,
+    PredictedPath,
+    SceneMetrics,
+)
 from are_ros.bag.types import RosbagsFactory, jazzy_typestore
-from are_ros.messages.artefacts import encode_event, encode_metrics, encode_perceived
+from are_ros.messages.artefacts import (
+    encode_event,
+    encode_metrics,
+    encode_perceived,
+    encode_predicted,
+)
 from are_ros.messages.common import make_header, make_pose, make_time, make_vector
 from are_ros.world.rigid_transform import RigidTransform
 from bags.simulation.making import make_twist
@@ -18,6 +29,7 @@ from bags.simulation.making import make_twist
 Wire = Callable[[Any], bytes]
 Readings = Callable[[bytes, str], tuple[Any, Any]]
 ARRAY = "are_msgs/msg/PerceivedArtefactArray"
+PATHS = "are_msgs/msg/PredictedPathArray"
 EVENT, METRICS = "are_msgs/msg/ArtefactEvent", "are_msgs/msg/SceneMetrics"
 PERCEIVED = PerceivedArtefact(
     7, "adult", ("person", "car"), (0.75, 0.25), RigidTransform.planar(1.0, 2.0, 0.5),
@@ -126,6 +138,60 @@ def test_the_bytes_of_what_is_perceived_are_those_of_the_message(
     """Encoding directly and serialising the objects give the same, whatever the padding."""
     expected = on_the_wire(make_perceived(factory, frame_id, stamp_ns, observer, perceived))
     assert encode_perceived(frame_id, stamp_ns, observer, perceived) == expected
+
+
+def make_path(factory: RosbagsFactory, path: PredictedPath) -> Any:
+    """Return a path, pose by pose."""
+    poses = [
+        factory.make(
+            "geometry_msgs/msg/PoseWithCovariance",
+            pose=factory.make(
+                "geometry_msgs/msg/Pose",
+                position=factory.make(
+                    "geometry_msgs/msg/Point", **dict(zip("xyz", numbers[:3], strict=True))
+                ),
+                orientation=factory.make(
+                    "geometry_msgs/msg/Quaternion", **dict(zip("xyzw", numbers[3:7], strict=True))
+                ),
+            ),
+            covariance=numbers[7:],
+        )
+        for numbers in path.numbers
+    ]
+    return factory.make("are_msgs/msg/PredictedPath", id=path.artefact_id, poses=poses)
+
+
+@given(
+    frame_id=TEXTS,
+    stamp_ns=TIMES,
+    observer=TEXTS,
+    step_ns=TIMES,
+    lengths=st.lists(st.integers(0, 3)),
+)
+def test_the_bytes_of_predicted_paths_are_those_of_the_message(
+    on_the_wire: Wire,
+    factory: RosbagsFactory,
+    frame_id: str,
+    stamp_ns: int,
+    observer: str,
+    step_ns: int,
+    lengths: list[int],
+) -> None:
+    """Encoding directly and serialising the objects give the same, of empty paths too."""
+    paths = [
+        PredictedPath(7 * k, np.arange(43.0 * length).reshape(length, 43))
+        for k, length in enumerate(lengths)
+    ]
+    message = factory.make(
+        PATHS,
+        header=make_header(factory, frame_id, stamp_ns),
+        observer=observer,
+        step=factory.make(
+            "builtin_interfaces/msg/Duration", sec=step_ns // 10**9, nanosec=step_ns % 10**9
+        ),
+        paths=[make_path(factory, path) for path in paths],
+    )
+    assert encode_predicted(frame_id, stamp_ns, observer, step_ns, paths) == on_the_wire(message)
 
 
 @given(

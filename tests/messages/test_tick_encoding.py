@@ -13,6 +13,7 @@ from are_ros.agents.events import (
     SceneMetrics,
 )
 from are_ros.bag.types import jazzy_typestore
+from are_ros.builder.certainty.perception import Perception
 from are_ros.builder.costmap.augmented_map import ChangedRectangle, Grids, GridUpdate
 from are_ros.builder.markers import DELETE_ALL, NO_MARKERS
 from are_ros.builder.scene import Scene
@@ -61,7 +62,7 @@ def tick(now_ns: int = 100 * MS, *artefacts: Artefact, **parts: Any) -> Tick:
         "frame_id": "earth",
         "scene": Scene.of(artefacts, now_ns),
         "observer": "robot",
-        "perceived": (),
+        "perception": Perception(now_ns),
         "events": (),
         "metrics": METRICS,
         "markers": NO_MARKERS,
@@ -76,7 +77,12 @@ def full_tick(now_ns: int = 100 * MS) -> Tick:
     """Return a tick with something on every output."""
     grids = Grids(GRID, UPDATE, GRID, UPDATE, GRID)
     return tick(
-        now_ns, ARTEFACT, perceived=(SEEN,), events=(EVENT, EVENT), markers=DELETE_ALL, grids=grids
+        now_ns,
+        ARTEFACT,
+        perception=Perception(now_ns, (SEEN,)),
+        events=(EVENT, EVENT),
+        markers=DELETE_ALL,
+        grids=grids,
     )
 
 

@@ -2,11 +2,13 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from are_ros.agents.events import ArtefactEvent, EventKind, SceneMetrics
+from are_ros.builder.certainty.perception import Perception
 from are_ros.builder.costmap.augmented_map import Grids
 from are_ros.builder.markers import NO_MARKERS
 from are_ros.builder.observation import Observation, Sighting, perceived_artefacts
@@ -54,7 +56,7 @@ def _tick(
         frame_id="map",
         scene=scene,
         observer="robot",
-        perceived=perceived_artefacts(scene, observation),
+        perception=Perception(stamp_ns, perceived_artefacts(scene, observation)),
         events=tuple(events),
         metrics=metrics,
         markers=NO_MARKERS,
@@ -162,7 +164,6 @@ def test_series_per_tick() -> None:
 
 def test_false_alarm_is_no_life() -> None:
     """What is perceived without being there has no life."""
-    ghost = _tick(100, [_artefact(9, PERSON, STILL)], seen=[9]).perceived
-    tick = _tick(100)
-    object.__setattr__(tick, "perceived", ghost)
+    ghost = _tick(100, [_artefact(9, PERSON, STILL)], seen=[9]).perception
+    tick = replace(_tick(100), perception=ghost)
     assert _record([tick]).lives == ()

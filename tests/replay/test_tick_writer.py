@@ -9,6 +9,7 @@ from are_ros.agents.events import ArtefactEvent, EventKind, SceneMetrics
 from are_ros.bag.reader import BagReader
 from are_ros.bag.recording import PREFIX
 from are_ros.bag.writer import BagWriter
+from are_ros.builder.certainty.perception import Perception
 from are_ros.builder.costmap.augmented_map import Grids
 from are_ros.builder.markers import NO_MARKERS
 from are_ros.builder.scene import Scene
@@ -45,7 +46,7 @@ def tick(now_ns: int, *artefacts: Artefact, **parts: Any) -> Tick:
         "frame_id": "earth",
         "scene": Scene.of(artefacts, now_ns),
         "observer": "robot",
-        "perceived": (),
+        "perception": Perception(now_ns),
         "events": (),
         "metrics": METRICS,
         "markers": NO_MARKERS,

@@ -67,8 +67,7 @@ class Requests:
 
     def reseed(self, seed: int, now_ns: int) -> None:
         """Draw from another seed from now on; artefacts alive stay."""
-        self._simulation.advance(now_ns)
-        self._simulation.lives.reseed(seed, now_ns)
+        self._simulation.reseed(seed, now_ns)
         self._seed, self._requests = seed, 0
 
     def _row_of(self, request: SpawnRequest) -> CatalogueRow:

@@ -1,0 +1,224 @@
+"""A detector and a tracker over what the camera could see: `Detector.observe`, tick by tick."""
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Final
+
+import numpy as np
+
+from are_ros.builder.certainty.belief import Census
+from are_ros.builder.certainty.body import Body, boxes_at
+from are_ros.builder.certainty.detection import detection_noise, detection_probability
+from are_ros.builder.certainty.false_alarms import FalseAlarm, FalseAlarms
+from are_ros.builder.certainty.perception import Delay, Perception
+from are_ros.builder.certainty.prediction import predicted_paths
+from are_ros.builder.certainty.track import Track
+from are_ros.builder.certainty.tracking_error import Floats, Process, TrackingError
+from are_ros.builder.certainty.view import View
+from are_ros.builder.observation import Sighting
+from are_ros.builder.scene import Scene
+from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.parameters.model import CertaintyParameters, Parameters
+from are_ros.population.catalogue import Catalogue
+from are_ros.population.mixture import mixture_of
+from are_ros.population.randomness import Purpose, generator
+
+_FORGOTTEN: Final = 0.001
+"""A track whose artefact exists with less than this probability is given up."""
+
+
+class Detector:
+    """Tracks what it detects, with all that goes wrong with it (docs/certainty.md).
+
+    It only reads the artefacts: what they do never depends on it. All draws come from generators of
+    its own, one for each purpose and artefact. `parameters` may change from tick to tick.
+    """
+
+    def __init__(self, parameters: Parameters, catalogue: Catalogue) -> None:
+        self.parameters = parameters
+        self._rows, self._law = catalogue.rows, mixture_of(parameters, catalogue)
+        shares = catalogue.class_probabilities(self._law.probabilities()).tolist()
+        self._shares = dict(zip(catalogue.class_names, shares, strict=True))
+        self.reseed(parameters.seed)
+
+    def reseed(self, seed: int) -> None:
+        """Draw from another seed, and begin anew."""
+        self._streams = _Streams(seed)
+        self._false_alarms = FalseAlarms(seed, self._rows, self._law)
+        self._census = Census(self._shares)
+        self.forget()
+
+    def forget(self) -> None:
+        """Give up all tracks: the clock jumped, or nobody looks any more."""
+        self._tracks: dict[int, Track] = {}
+        self._ends_ns: dict[int, int] = {}
+        self._delay = Delay()
+        self._now_ns: int | None = None
+
+    def observe(
+        self,
+        now_ns: int,
+        scene: Scene,
+        sightings: Mapping[int, Sighting] | None,
+        view: View | None,
+    ) -> Perception:
+        """Return the list of a tick: as things were `certainty.latency` ago.
+
+        `sightings` are those of A_f at a look of this tick, None between looks. `view` is what the
+        camera looks at, None where its pose is not known: then nothing can be detected.
+        """
+        self._follow(now_ns, scene)
+        if sightings is not None and view is not None:
+            self._look(now_ns, scene, sightings, view)
+        self._give_up(now_ns, is_look=sightings is not None)
+        self._streams.keep({*scene.ids.tolist(), *self._tracks})
+        latency_ns = seconds_to_ns(self._settings.latency)
+        return self._delay.passed(self._perception(now_ns), latency_ns)
+
+    @property
+    def predicts(self) -> bool:
+        """Whether it tells paths."""
+        return self._settings.prediction_horizon > 0.0
+
+    @property
+    def _settings(self) -> CertaintyParameters:
+        return self.parameters.certainty
+
+    @property
+    def _look_period_s(self) -> float:
+        return 1.0 / min(self.parameters.camera.rate, self.parameters.builder.tick_rate)
+
+    def _follow(self, now_ns: int, scene: Scene) -> None:
+        """Carry all tracks on to `now_ns`."""
+        dt_s = 0.0 if self._now_ns is None else (now_ns - self._now_ns) / NS_PER_S
+        self._now_ns = now_ns
+        process = Process.of(self._settings, dt_s)
+        ends = 1.0 / self.parameters.population.mean_life, 1.0 / self._settings.false_alarm_life
+        places = {number: k for k, number in enumerate(scene.ids.tolist())}
+        for number, track in self._tracks.items():
+            track.error.predict(process)
+            track.existence = track.existence.later(dt_s, *ends)
+            if number in places:
+                track.body = Body.of_scene(scene, places[number], now_ns)
+            else:
+                track.body = track.body.coasted(now_ns)
+
+    def _look(
+        self, now_ns: int, scene: Scene, sightings: Mapping[int, Sighting], view: View
+    ) -> None:
+        """Detect, or miss, everything that is there or is believed to be there."""
+        places = {number: k for k, number in enumerate(scene.ids.tolist())}
+        seen = {**sightings, **self._imagined(places, view)}
+        for number in sorted(seen):
+            body = Body.of_scene(scene, places[number], now_ns) if number in places else None
+            self._meet(now_ns, number, body, seen[number], view)
+        for alarm in self._false_alarms.begin(now_ns, self._look_period_s, self._settings, view):
+            self._begin_false_alarm(now_ns, alarm, view)
+
+    def _meet(
+        self, now_ns: int, number: int, body: Body | None, sighting: Sighting, view: View
+    ) -> None:
+        """Detect or miss one; `body` is the artefact that is there, None where none is."""
+        fraction, range_m = sighting.visible_fraction, sighting.range_m
+        probability = detection_probability(self._settings, fraction, range_m)
+        is_there = body is not None or self._ends_ns.get(number, now_ns) > now_ns
+        draws, track = self._streams.of(Purpose.PERCEPTION, number), self._tracks.get(number)
+        is_detected = is_there and draws.random() < probability
+        if track is not None and not is_detected:
+            track.existence = track.existence.missed(probability)
+        elif track is not None:
+            track.existence = track.existence.detected()
+            track.error.correct(self._detection(track.body, sighting, view))
+            self._take(track, now_ns, sighting)
+        elif body is not None and is_detected:
+            track = self._begin(number, body, self._detection(body, sighting, view))
+            self._census.count_artefact(body.row.class_name)
+            self._take(track, now_ns, sighting)
+
+    def _imagined(self, places: Iterable[int], view: View) -> dict[int, Sighting]:
+        """Return how what is tracked but is no artefact would be seen, if it were one."""
+        tracks = [track for number, track in self._tracks.items() if number not in places]
+        if not tracks:
+            return {}
+        boxes = boxes_at([t.body.motion for t in tracks], [t.body.shape for t in tracks])
+        seen = zip(tracks, view.imagine(boxes), strict=True)
+        return {track.artefact_id: sighting for track, sighting in seen if sighting is not None}
+
+    def _begin(self, number: int, body: Body, detection: Floats) -> Track:
+        """Begin a track, with priors that do not know what it is of."""
+        settings = self._settings
+        draws = self._streams.of(Purpose.ESTIMATION, number)
+        rates = np.diag((settings.speed_noise, settings.speed_noise, settings.turn_noise))
+        existence = self._census.existence(
+            are_false_alarms_possible=settings.false_alarm_rate > 0.0
+        )
+        error, classes = TrackingError(draws, detection, rates), self._census.class_belief()
+        self._tracks[number] = Track(number, body, error, existence, classes)
+        return self._tracks[number]
+
+    def _begin_false_alarm(self, now_ns: int, alarm: FalseAlarm, view: View) -> None:
+        number, body, sighting, end_ns = alarm
+        track = self._begin(number, body, self._detection(body, sighting, view))
+        self._census.count_false_alarm()
+        self._ends_ns[number] = end_ns
+        self._take(track, now_ns, sighting)
+
+    def _take(self, track: Track, now_ns: int, sighting: Sighting) -> None:
+        """Note a detection, and look at the class if it is time."""
+        track.sighting, track.seen_ns = sighting, now_ns
+        wait_ns = seconds_to_ns(self._settings.class_time)
+        if track.classified_ns is None or now_ns - track.classified_ns >= wait_ns:
+            track.classified_ns = now_ns
+            draws = self._streams.of(Purpose.CLASSIFICATION, track.artefact_id)
+            true_class, accuracy = track.body.row.class_name, self._settings.class_accuracy
+            track.classes.look(draws, true_class, accuracy)
+
+    def _detection(self, body: Body, sighting: Sighting, view: View) -> Floats:
+        """Return the factor of a detection's noise."""
+        x_m, y_m = view.camera_m.tolist()
+        bearing_rad = math.atan2(body.motion[1] - y_m, body.motion[0] - x_m)
+        return detection_noise(self._settings, sighting.range_m, bearing_rad)
+
+    def _give_up(self, now_ns: int, *, is_look: bool) -> None:
+        """Drop the tracks that were not detected for too long, or hardly exist."""
+        patience_s = self._settings.coast + (0.0 if is_look else self._look_period_s)
+        oldest_ns = now_ns - seconds_to_ns(patience_s)
+        self._tracks = {
+            number: track
+            for number, track in self._tracks.items()
+            if track.seen_ns >= oldest_ns and track.existence.artefact >= _FORGOTTEN
+        }
+        self._ends_ns = {i: end for i, end in self._ends_ns.items() if i in self._tracks}
+
+    def _perception(self, now_ns: int) -> Perception:
+        """Return the tracks that are published, as of now."""
+        settings = self._settings
+        tracks = [
+            self._tracks[number]
+            for number in sorted(self._tracks)
+            if self._tracks[number].existence.artefact >= settings.min_existence
+        ]
+        boxes = boxes_at([track.estimate for track in tracks], [t.body.shape for t in tracks])
+        paths = predicted_paths(tracks, settings) if self.predicts else None
+        reports = tuple(track.report() for track in tracks)
+        step_ns = seconds_to_ns(settings.prediction_step)
+        return Perception(now_ns, reports, boxes, paths, step_ns)
+
+
+class _Streams:
+    """One generator for each purpose and artefact, for as long as the artefact is known."""
+
+    def __init__(self, seed: int) -> None:
+        self._seed = seed
+        self._streams: dict[tuple[Purpose, int], np.random.Generator] = {}
+
+    def of(self, purpose: Purpose, number: int) -> np.random.Generator:
+        key = purpose, number
+        if key not in self._streams:
+            self._streams[key] = generator(self._seed, purpose, number)
+        return self._streams[key]
+
+    def keep(self, ids: set[int]) -> None:
+        """Drop the streams of all other artefacts: ids are never used again."""
+        if any(number not in ids for _, number in self._streams):
+            self._streams = {key: one for key, one in self._streams.items() if key[1] in ids}

@@ -1,0 +1,54 @@
+"""What the robot is told to perceive: the list of ~/perceived, and what belongs to it."""
+
+from collections import deque
+from dataclasses import dataclass
+
+from are_ros.agents.events import PerceivedArtefact, PredictedPath
+from are_ros.world.boxes import OrientedBoxes
+
+
+@dataclass(frozen=True, eq=False)
+class Perception:
+    """The artefacts as they are perceived at `stamp_ns`, in the order of their ids.
+
+    `boxes`, N, are where they are perceived; None: where they are. `paths` are the predicted paths
+    of each, with poses `step_ns` apart; None where nothing predicts.
+    """
+
+    stamp_ns: int
+    artefacts: tuple[PerceivedArtefact, ...] = ()
+    boxes: OrientedBoxes | None = None
+    paths: tuple[PredictedPath, ...] | None = None
+    step_ns: int = 0
+
+    @property
+    def seen_ns(self) -> dict[int, int]:
+        """When each was last seen, by id."""
+        return {one.artefact_id: one.last_seen_ns for one in self.artefacts}
+
+
+class Delay:
+    """Gives out perceptions some time after they were made."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[Perception] = deque()
+
+    def passed(self, perception: Perception, latency_ns: int) -> Perception:
+        """Take the perception of now; return the newest that is at least so old.
+
+        Before there is one, nothing is perceived.
+        """
+        due_ns = perception.stamp_ns - latency_ns
+        self._waiting.append(perception)
+        while len(self._waiting) > 1 and self._waiting[1].stamp_ns <= due_ns:
+            self._waiting.popleft()
+        first = self._waiting[0]
+        if first.stamp_ns <= due_ns:
+            return first
+        paths = None if perception.paths is None else ()
+        stamp_ns = max(due_ns, 0)  # a simulation's clock begins at 0, and ROS knows no time before
+        return Perception(stamp_ns, (), OrientedBoxes.empty(), paths, perception.step_ns)
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._waiting.clear()

@@ -1,0 +1,95 @@
+"""One track: what a detector and a tracker know of one body."""
+
+import math
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.agents.events import PerceivedArtefact
+from are_ros.builder.certainty.belief import ClassBelief, Existence
+from are_ros.builder.certainty.body import Body, Motion
+from are_ros.builder.certainty.tracking_error import Floats, TrackingError
+from are_ros.builder.observation import Sighting
+from are_ros.world.rigid_transform import RigidTransform
+
+_PLANAR: Final = np.ix_((0, 1, 5), (0, 1, 5))
+"""Where x, y and the rotation about z stand in a covariance (6, 6) of ROS."""
+
+
+class Track:
+    """A body that was detected: `body` is the truth, all else what is believed of it.
+
+    `sighting` and `seen_ns` are those of the last detection.
+    """
+
+    def __init__(
+        self,
+        artefact_id: int,
+        body: Body,
+        error: TrackingError,
+        existence: Existence,
+        classes: ClassBelief,
+    ) -> None:
+        self.artefact_id = artefact_id
+        self.body = body
+        self.error = error
+        self.existence = existence
+        self.classes = classes
+        self.sighting = Sighting(0, 0, (0, 0, 0, 0), math.inf)
+        self.seen_ns = 0
+        self.classified_ns: int | None = None
+
+    @property
+    def estimate(self) -> Motion:
+        """The estimated motion, as `Body.motion` has it."""
+        x, y, z, yaw, vx, vy, turn = self.body.motion
+        if not self.error.covariance.any():
+            return self.body.motion  # the same bits, the sign of a zero included
+        dx, dy, dyaw, dvx, dvy, dturn = self.error.error.tolist()
+        return (x + dx, y + dy, z, yaw + dyaw, vx + dvx, vy + dvy, turn + dturn)
+
+    def report(self) -> PerceivedArtefact:
+        """Return what is known, for the list.
+
+        The twist is in the axes of the estimated pose: the errors of its velocity do not depend on
+        that of the heading.
+        """
+        x, y, z, yaw, vx, vy, turn = self.estimate
+        classes, probabilities = self.classes.ranked()
+        row, sighting, covariance = self.body.row, self.sighting, self.error.covariance
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        return PerceivedArtefact(
+            artefact_id=self.artefact_id,
+            label=row.label if len(classes) == 1 else classes[0],
+            classes=classes,
+            probabilities=probabilities,
+            map_from_artefact=RigidTransform.planar(x, y, yaw, z + self.body.height_m),
+            pose_covariance=_as_ros(covariance[:3, :3]),
+            size_m=row.size_m,
+            linear_velocity_m_s=(cos * vx + sin * vy, cos * vy - sin * vx, 0.0),
+            angular_velocity_rad_s=(0.0, 0.0, turn),
+            twist_covariance=_as_ros(_turned(covariance[3:, 3:], -yaw)),
+            visible_pixels=sighting.visible_pixels,
+            unoccluded_pixels=sighting.unoccluded_pixels,
+            visible_fraction=sighting.visible_fraction,
+            range_m=sighting.range_m,
+            existence=self.existence.artefact,
+            roi_px=sighting.roi_px,
+            last_seen_ns=self.seen_ns,
+        )
+
+
+def _turned(covariance: Floats, angle_rad: float) -> Floats:
+    """Return a covariance (3, 3) of x, y and yaw in axes from which the old ones are turned so."""
+    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    turn = np.array(((cos, -sin, 0.0), (sin, cos, 0.0), (0.0, 0.0, 1.0)))
+    turned: Floats = turn @ covariance @ turn.T
+    return turned
+
+
+def _as_ros(planar: npt.NDArray[np.float64]) -> tuple[float, ...]:
+    """Return a covariance (3, 3) of x, y and yaw as the 36 numbers of ROS; the rest is 0."""
+    covariance = np.zeros((6, 6))
+    covariance[_PLANAR] = 0.5 * (planar + planar.T) + 0.0  # no negative zero
+    return tuple(covariance.reshape(-1).tolist())

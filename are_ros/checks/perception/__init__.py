@@ -1,0 +1,1 @@
+"""What the robot perceives, compared with what is there."""
