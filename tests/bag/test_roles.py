@@ -102,13 +102,25 @@ def test_shared_types_are_told_apart_by_name() -> None:
 
 
 def test_what_nothing_uses_yet_is_not_said_to_be_used() -> None:
-    """Sensor clouds and images play no role, so that nothing is said of them."""
+    """Images play no role, so that nothing is said of them."""
     image = "sensor_msgs/msg/Image"
-    roles = find_roles(topics(points=CLOUD, velodyne=CLOUD, camera__depth=image, colour=image), {})
+    roles = find_roles(topics(camera__depth=image, colour=image), {})
     assert [entry.topic for entry in roles.found] == [None] * len(ROLE_TYPES)
     assert roles.sentences() == ()
     with pytest.raises(BagError, match="there is no such role"):
-        find_roles(topics(points=CLOUD), {"points": "/points"})
+        find_roles(topics(image=image), {"image": "/image"})
+
+
+def test_clouds_of_sensors_and_octomaps_are_told_apart_by_name() -> None:
+    """Both are of one type; the only other one is a sensor's, of several nobody can tell."""
+    octomap = "octomap_point_cloud_centers"
+    roles = find_roles(topics(velodyne=CLOUD, octomap_full=CLOUD), {})
+    assert (roles.topic("points"), roles.topic(octomap)) == ("/velodyne", "/octomap_full")
+    roles = find_roles(topics(points=CLOUD, velodyne=CLOUD), {})
+    assert (roles.topic("points"), roles.topic(octomap)) == ("/points", None)
+    roles = find_roles(topics(front=CLOUD, rear=CLOUD), {})
+    assert roles.topic("points") is None
+    assert "all are augmented" in roles.sentences()[-1]
 
 
 def test_two_topics_for_one_role_are_taken_for_scans_only() -> None:
