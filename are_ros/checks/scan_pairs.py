@@ -48,7 +48,7 @@ class ScanPairs:
 
     def __init__(self) -> None:
         self.changed: list[ChangedScan] = []
-        self.pairs = 0
+        self.pairs = self.clouds = 0
         self.input_topics: dict[str, type] = {}
         self._input_stamps: dict[str, list[int]] = {}
         self._inputs: dict[_Key, list[tuple[str, _Reading]]] = {}
@@ -110,6 +110,7 @@ class ScanPairs:
             self._compare_clouds(real, topic, output)
 
     def _compare_clouds(self, real: SensorCloud, topic: str, output: SensorCloud) -> None:
+        self.clouds += 1
         fault, which, unreturned = changed_points(real, output)
         if not fault and not len(which):
             return

@@ -237,6 +237,8 @@ def check_scans(record: Record) -> list[CheckResult]:
         names = (beams.name, ends.name, walls.name)
         return [skipped(name, reason, needs_inputs=lacks_inputs) for name in names]
     beams.look(record.scans.pairs)
+    if record.scans.clouds:
+        beams.note(f"{counted(record.scans.clouds, 'point cloud')} among them")
     for topic, stamp_ns in record.scans.unmatched():
         if record.is_live and record.scans.may_be_lost(topic, stamp_ns):
             beams.leave_out("scan", "without the one that came in, which the recording missed")
