@@ -237,8 +237,7 @@ def check_scans(record: Record) -> list[CheckResult]:
         names = (beams.name, ends.name, walls.name)
         return [skipped(name, reason, needs_inputs=lacks_inputs) for name in names]
     beams.look(record.scans.pairs)
-    if record.scans.clouds:
-        beams.note(f"{counted(record.scans.clouds, 'point cloud')} among them")
+    _note_clouds(beams, record)
     for topic, stamp_ns in record.scans.unmatched():
         if record.is_live and record.scans.may_be_lost(topic, stamp_ns):
             beams.leave_out("scan", "without the one that came in, which the recording missed")
@@ -261,6 +260,12 @@ def check_scans(record: Record) -> list[CheckResult]:
     if not walls.looked_at:
         walls.note("no beam without a return was changed")
     return [beams.result(), ends.result(), walls.result()]
+
+
+def _note_clouds(tally: Tally, record: Record) -> None:
+    """Say how many of the readings were clouds, if any."""
+    if record.scans.clouds:
+        tally.note(f"{counted(record.scans.clouds, 'point cloud')} among them")
 
 
 def _check_ends(tally: Tally, record: Record, places: BoxPositions, scan: ChangedScan) -> None:
