@@ -104,7 +104,7 @@ def test_the_example_of_the_documentation_works(
     (tmp_path / "mine.yaml").write_text(text.split("```yaml\n")[1].split("```")[0])
     monkeypatch.syspath_prepend(tmp_path)
     (row,) = read_catalogue(tmp_path / "mine.yaml").rows
-    assert row.behaviours == {"walking": 0.75, "dancing:Dancing": 0.25}
+    assert row.behaviours == {"dancing:Dancing": 1.0}
     actor = Actor(0, make_behaviour("dancing:Dancing"), (0.0, 0.0), row)
     assert actor.behaviour.name == "dancing"
     stage = Stage([actor])
