@@ -6,6 +6,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from are_ros.bag.decoded import time_ns
 from are_ros.checks.oracle.solids import Cloud
 
 _FREE: Final = frozenset(
@@ -16,7 +17,8 @@ _FREE: Final = frozenset(
 )
 """Fields that are others where a point moved onto an artefact."""
 
-_SIZES: Final = (0, 1, 1, 2, 2, 4, 4, 4, 8)
+_SIZES: Final = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 8: 8}
+"""Bytes of a number by the datatype of its PointField; of others nothing may change."""
 _NOTHING_M: Final = 1e-3
 _SAME_RAY: Final = 1e-5
 
@@ -44,10 +46,9 @@ class SensorCloud:
         is_kept = np.ones(message.point_step, np.bool_)
         for name, offset, datatype, _ in fields:
             if name in _FREE:
-                is_kept[offset : offset + _SIZES[datatype]] = False
-        stamp = message.header.stamp
+                is_kept[offset : offset + _SIZES.get(datatype, 0)] = False
         return cls(
-            stamp.sec * 10**9 + stamp.nanosec,
+            time_ns(message.header.stamp),
             at_ns,
             cloud.frame_id,
             cloud.centres_m,

@@ -79,7 +79,7 @@ def read_range(message: Any, source: str = "range") -> RangeReading:
     ).checked(source)
 
 
-_RADIATION: Final = Struct("<B")
+_BYTE: Final = Struct("<B")
 _RANGE_NUMBERS: Final = Struct("<5f")
 
 
@@ -87,7 +87,7 @@ def encode_range(reading: RangeReading) -> bytes:
     """Return a sensor_msgs/Range."""
     writer = CdrWriter()
     writer.header(reading.frame_id, reading.stamp_ns)
-    writer.pack(_RADIATION, 1, reading.radiation_type)
+    writer.pack(_BYTE, 1, reading.radiation_type)
     writer.pack(
         _RANGE_NUMBERS,
         4,
@@ -136,7 +136,7 @@ def encode_cloud(cloud: PointCloud) -> bytes:
     for name, offset, datatype, numbers in cloud.fields:
         writer.text(name)
         writer.count(offset)
-        writer.pack(_RADIATION, 1, datatype)
+        writer.pack(_BYTE, 1, datatype)
         writer.count(numbers)
     writer.pack(_FLAG, 1, cloud.is_bigendian)
     writer.pack(_SIZE, 4, cloud.point_step, row_step)
