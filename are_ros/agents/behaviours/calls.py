@@ -78,16 +78,14 @@ def intent_of(behaviour: Behaviour, situation: Situation) -> Intent:
     return intent
 
 
-def reward_of(behaviour: Behaviour, situation: Situation) -> float:
-    """Return what a second of a behaviour is worth now, 0 for one that does not say.
+def reward_of(behaviour: Any, situation: Situation) -> float:
+    """Return what a second of a behaviour that says so is worth now.
 
     BehaviourError where a user-defined one fails.
     """
-    kind, ask = type(behaviour), getattr(behaviour, "reward", None)
-    if ask is None:
-        return 0.0
+    kind: type = type(behaviour)
     if not _is_user_class(kind):
-        return float(ask(situation))
+        return float(behaviour.reward(situation))
     call = BehaviourCall(situation.me.id, situation.row.label, situation.now_ns)
     reward = answer_of(behaviour, "reward", situation, call)
     if not is_number(reward):
