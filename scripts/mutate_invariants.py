@@ -204,8 +204,8 @@ BREAKAGES = (
              _BUILDER + "test_a_departed_artefact_leaves_nothing_behind"),
     Breakage(RELAY, "no grid before the robot is known",
              "builder.ar_builder:ArBuilder._augment",
-             lambda real, self, now_ns, seen, *rest:
-                 (NO_GRIDS if seen.map_from_base is None else real(self, now_ns, seen, *rest)),
+             lambda real, self, now_ns, *rest:
+                 real(self, now_ns, *rest) if self.robots.pose(now_ns) else NO_GRIDS,
              _RUN + "test_the_map_is_relayed_before_the_robot_is_known",
              _BUILDER + "test_the_real_map_is_relayed_before_anything_else"),
     Breakage(RELAY, "a new map goes out only when an artefact moves",
