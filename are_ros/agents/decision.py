@@ -62,7 +62,8 @@ BLOCKED_S: Final = 1.0
 
 SPOT_M, MANOEUVRING_S, STUCK_S = 0.3, 3.0, 8.0
 """An agent with a goal that stays within `SPOT_M` is said to manoeuvre after `MANOEUVRING_S`, and
-counts as blocked after `STUCK_S`: a car that shunts in clutter moves, and makes no progress."""
+counts as blocked after `STUCK_S`: a car that shunts in clutter moves, and makes no progress. So
+does one whose value of the goal has not grown for that time: it paces to and fro."""
 
 EARLY_S: Final = 3.0
 """Artefacts that have to be at an exit at the end of their lives mean to be there by so much."""
@@ -70,6 +71,12 @@ EARLY_S: Final = 3.0
 _MOVES: Final = 5
 _NO_LOSS, _NEAR_EXIT_S = 0.1, 2.0
 """Less than this share of the price of time is no loss; one sets out at least so early [s]."""
+
+_DETOUR: Final = 1.5
+"""The way to an exit is taken to be longer than the straight line by this factor."""
+
+_GAIN: Final = 1e-6
+"""A value that has grown by less than this has not grown."""
 
 _WALL = "a wall"
 _Floats = npt.NDArray[np.float64]
@@ -80,7 +87,8 @@ _Mask = npt.NDArray[np.bool_]
 class AgentState:
     """How one agent decides: its behaviours, and the outcome of its last intent.
 
-    `waits` counts the decisions in a row in which it gave way to others. `places` are the
+    `waits` counts the decisions in a row in which it gave way to others. `best_value` is the
+    highest value that it has had on the way to `gained_m`, since `gained_ns`. `places` are the
     destinations that it can reach, among those of the map, `map_places`.
     """
 
@@ -98,6 +106,9 @@ class AgentState:
     spot_m: Point | None = None
     spot_since_ns: int = 0
     lingered_s: float = 0.0
+    gained_m: Point | None = None
+    best_value: float = -math.inf
+    gained_ns: int = 0
     map_places: Destinations | None = None
     places: Destinations | None = None
 
@@ -106,6 +117,15 @@ class AgentState:
         if not self.is_going or self.spot_m is None or math.dist(self.spot_m, point_m) > SPOT_M:
             self.spot_m, self.spot_since_ns = point_m if self.is_going else None, now_ns
         self.lingered_s = (now_ns - self.spot_since_ns) / NS_PER_S
+
+    def note_gain(self, goal_m: Point | None, value: float | None, now_ns: int) -> None:
+        """Update since when the agent has come no nearer to its goal, by the value of its state.
+
+        With no value it has no choice of ways: it stands, or goes straight.
+        """
+        if value is None or goal_m != self.gained_m or value > self.best_value + _GAIN:
+            self.gained_m, self.gained_ns = goal_m, now_ns
+            self.best_value = -math.inf if value is None else value
 
     def note_result(self, request: NavigationRequest, result: NavigationResult) -> None:
         """Store the intent, and what navigation has made of it."""
@@ -184,6 +204,7 @@ class DecisionLayer:
             random,
             policy_random,
             self._settings.slip if slip is None else slip,
+            gained_ns=artefact.arrival_ns,
         )
         artefact.planner = _drawn_planner(artefact, policy_random)
         self._table.phases[row] = -(-artefact.arrival_ns // self._step_ns) % self._period
@@ -230,10 +251,12 @@ class DecisionLayer:
             for row, result in zip(deciding, results, strict=True)
         ]
         self._planner.give_commands(list(deciding), commands)
-        for (row, situation), request, result in zip(
-            situations.items(), requests, results, strict=True
+        for (row, situation), request, prospect, result in zip(
+            situations.items(), requests, prospects, results, strict=True
         ):
             request.state.note_result(request, result)
+            value = prospect.value if prospect.kind is Prospects.CHOOSES else None
+            request.state.note_gain(request.intent.goal_m, value, now_ns)
             agent = table.artefacts[row]
             activity = _activity(request, result, situation)
             agent.activity = "" if activity == agent.behaviour else activity
@@ -314,9 +337,8 @@ class DecisionLayer:
     ) -> None:
         """Find exits for agents that have to be at one when their life ends, if that is soon.
 
-        The exit is the nearest one that no camera sees; where there is none, such a destination
-        takes its place. It is time to go if the value of going there is less after an epoch spent
-        otherwise, by more than the price of that.
+        It is time to go if the value of going there is less after an epoch spent otherwise, by more
+        than the price of that.
         """
         soon = {
             row: way_out
@@ -347,25 +369,33 @@ class DecisionLayer:
         return (request.left_s or 0.0) <= self._settings.decision_period + _NEAR_EXIT_S
 
     def _choose_exits(self, leaving: Sequence[tuple[WalkingOut, Situation]]) -> None:
-        """Choose the exits of agents, given their situations, where the last one is in view."""
-        known = [way_out for way_out, _ in leaving if way_out.exit_m is not None]
-        exits_m = np.array([way_out.exit_m for way_out in known]).reshape(-1, 2)
-        is_hidden = dict(zip(known, self.hides(exits_m).tolist(), strict=True)) if known else {}
-        hidden_m = dict[Destinations, list[Point]]()
-        for way_out, situation in leaving:
-            if not is_hidden.get(way_out, False):
-                places = situation.places
-                if places not in hidden_m:
-                    hidden_m[places] = self._hidden(places)
-                way_out.exit_m = min(hidden_m[places], key=situation.distance_m, default=None)
+        """Choose the exits of agents, given their situations, where the last one is in view.
 
-    def _hidden(self, places: Destinations) -> list[Point]:
-        """Return the exits out of view, else such destinations."""
-        for points_m in (places.exits_m, places.destinations_m):
-            hidden_m = points_m[self.hides(points_m)].tolist()
-            if hidden_m:
-                return [(x_m, y_m) for x_m, y_m in hidden_m]
-        return []
+        The exit is the nearest one that no camera sees, if there is time to get there; else the
+        place where the agent is, if no camera sees that; else the nearest exit or destination that
+        no camera sees.
+        """
+        known = [way_out for way_out, _ in leaving if way_out.exit_m is not None]
+        is_hidden = dict(zip(known, self._are_hidden([one.exit_m for one in known]), strict=True))
+        lost = [(one, situation) for one, situation in leaving if not is_hidden.get(one, False)]
+        are_here = self._are_hidden([situation.point_m for _, situation in lost])
+        places_m = dict[Destinations, tuple[list[Point], list[Point]]]()
+        for (way_out, situation), is_here in zip(lost, are_here, strict=True):
+            places = situation.places
+            if places not in places_m:
+                places_m[places] = self._hidden(places.exits_m), self._hidden(places.destinations_m)
+            way_out.exit_m = _way_out_of(situation, *places_m[places], is_hidden=is_here)
+
+    def _hidden(self, points_m: _Floats) -> list[Point]:
+        """Return those of the points (N, 2) that no camera sees."""
+        return [(x_m, y_m) for x_m, y_m in points_m[self.hides(points_m)].tolist()]
+
+    def _are_hidden(self, points_m: Sequence[Point | None]) -> list[bool]:
+        """Return whether no camera sees each of the points."""
+        if not points_m:
+            return []
+        hidden: list[bool] = self.hides(np.array(points_m, np.float64)).tolist()
+        return hidden
 
     def _change(self, row: int, state: AgentState, chosen: int, now_ns: int) -> None:
         """Put another behaviour of an agent's repertoire in force."""
@@ -425,8 +455,9 @@ class DecisionLayer:
             agent = self._table.artefacts[row]
             state.note_place(me.point_m, now_ns)
             blocked_s = 0.0 if kind is Obstruction.NONE else since_s
-            if state.lingered_s > STUCK_S:
-                blocked_s = max(blocked_s, state.lingered_s)
+            for without_s in (state.lingered_s, (now_ns - state.gained_ns) / NS_PER_S):
+                if without_s > STUCK_S:
+                    blocked_s = max(blocked_s, without_s)
             end_ns = agent.departure_ns
             situations.append(
                 Situation(
@@ -497,6 +528,26 @@ class DecisionLayer:
 def _early_s(situation: Situation) -> float:
     """Return how long it is until an agent means to be at an exit [s]; inf if not known."""
     return math.inf if situation.left_s is None else situation.left_s - EARLY_S
+
+
+def _way_out_of(
+    situation: Situation,
+    exits_m: Sequence[Point],
+    destinations_m: Sequence[Point],
+    *,
+    is_hidden: bool,
+) -> Point | None:
+    """Return where an agent is at the end of its life, given the places that no camera sees."""
+    away_m = situation.distance_m
+    motion, left_s = situation.row.motion, _early_s(situation)
+    reach_m = left_s * motion.speed_mps * motion.running_factor / _DETOUR
+    for points_m in (exits_m, destinations_m if not exits_m else ()):
+        in_time_m = [point_m for point_m in points_m if away_m(point_m) <= reach_m]
+        if in_time_m:
+            return min(in_time_m, key=away_m)
+    if is_hidden:
+        return situation.point_m
+    return min([*exits_m, *destinations_m], key=away_m, default=None)
 
 
 def _drawn_planner(artefact: Artefact, random: np.random.Generator) -> str:

@@ -286,11 +286,11 @@ class Navigation:
             is_there, is_lost = kind is Prospects.ARRIVED, kind is Prospects.NO_WAY
             return NavigationResult(_command(request, None), arrived=is_there, no_way=is_lost)
         pose, way_m = request.me.pose, np.empty((_MOST_POINTS, 2))
-        count, x_m, y_m, is_end = way_along(*prospect.active.arrays, pose, (pace, move), way_m)
+        count, x_m, y_m, stops = way_along(*prospect.active.arrays, pose, (pace, move), way_m)
         way_m = way_m[:count]
         if move == 0 or count == 0:
             return NavigationResult(_command(request, None), waits=move == 0, way_m=way_m)
-        command = _command(request, (x_m, y_m), speed_mps, stop_there=is_end)
+        command = _command(request, (x_m, y_m), speed_mps, stop_there=stops)
         return NavigationResult(command, way_m=way_m)
 
     def slipped(

@@ -193,8 +193,9 @@ def way_along(
     """Fill in the way (K, 2) that an action leads along, and then the cheapest way.
 
     `pose` is x, y and yaw; `action` a pace and a move, not staying in the goal's cell. Returns how
-    many points the way has, the farthest of them that a disc can roll straight to, and whether that
-    is the end. What comes after the way has turned back from the move does not count for that.
+    many points the way has, the farthest of them that a disc can roll straight to, and whether one
+    stops there: at the end, and where the way turns back from the move. What comes after that does
+    not count.
     """
     floor, values, going = Ground(*ground), ValueArrays(*value_arrays), GoalSpec(*ends)
     state, here_m = _state_of(floor, values, pose), (pose[0], pose[1])
@@ -227,7 +228,8 @@ def way_along(
         x_m, y_m, _ = way_round(floor, here_m, way_m[:ahead], radius_m)
         return count, x_m, y_m, x_m == going.end_m[0] and y_m == going.end_m[1]
     is_end = way_m[aim, 0] == going.end_m[0] and way_m[aim, 1] == going.end_m[1]
-    return count, way_m[aim, 0], way_m[aim, 1], is_end
+    turns_back = ahead < count and aim == ahead - 1
+    return count, way_m[aim, 0], way_m[aim, 1], is_end or turns_back
 
 
 @compiled
