@@ -541,10 +541,9 @@ def _way_out_of(
     away_m = situation.distance_m
     motion, left_s = situation.row.motion, _early_s(situation)
     reach_m = left_s * motion.speed_mps * motion.running_factor / _DETOUR
-    for points_m in (exits_m, destinations_m if not exits_m else ()):
-        in_time_m = [point_m for point_m in points_m if away_m(point_m) <= reach_m]
-        if in_time_m:
-            return min(in_time_m, key=away_m)
+    exit_m = min(exits_m, key=away_m, default=None)
+    if exit_m is not None and away_m(exit_m) <= reach_m:
+        return exit_m
     if is_hidden:
         return situation.point_m
     return min([*exits_m, *destinations_m], key=away_m, default=None)

@@ -48,6 +48,7 @@ class Ways(Navigation):
         self.places = Destinations(np.array([[5.0, 5.0], [9.0, 1.0]]), np.array([[0.0, 0.0]]))
         self.is_shut = self.is_crowded = False
         self.values: np.ndarray[tuple[int, ...], np.dtype[np.float64]] | None = None
+        self.value = 0.0
         self.actions: list[tuple[int, int]] = []
         self.patience: list[bool] = []
 
@@ -59,7 +60,7 @@ class Ways(Navigation):
         return [
             Prospect(Prospects.STANDS)
             if request.intent.goal_m is None
-            else Prospect(Prospects.CHOOSES, self.values[: len(request.speeds_mps)])
+            else Prospect(Prospects.CHOOSES, self.values[: len(request.speeds_mps)], self.value)
             for request in requests
         ]
 
@@ -395,6 +396,61 @@ def test_who_stands_of_its_own_will_does_not_manoeuvre() -> None:
     for second in range(14):
         town.decide(20 * second)
         assert writer.activity == "writing"
+
+
+@pytest.mark.parametrize("gains", [False, True])
+def test_who_paces_to_and_fro_counts_as_blocked(gains: bool) -> None:
+    """After eight seconds in which the value of its state has not grown, though it moves."""
+    town, told = Town(), list[float]()
+
+    def decide(situation: Situation) -> Intent:
+        told.append(situation.blocked_s)
+        return Intent((8.0, 4.0), 1.3)
+
+    town.admit(1, 100 * STEP_NS)
+    spy = SimpleNamespace(name="spy", decide=decide)
+    town.state(1).repertoire = Repertoire.only(spy)  # type: ignore[arg-type]
+    town.ways.values = np.zeros((2, 5))
+    for second in range(14):
+        town.x_m, town.ways.value = float(second % 2), float(second if gains else 0)
+        town.decide(100 + 20 * second)
+    assert told[:9] == [0.0] * 9
+    assert told[9:] == ([0.0] * 5 if gains else [9.0, 10.0, 11.0, 12.0, 13.0])
+
+
+# --- where one is at the end of its life
+
+
+@pytest.mark.parametrize(
+    ("x_m", "left_s", "seen", "place"),
+    [
+        (5.0, 30.0, (), "exit"),  # a long time, and nothing is seen
+        (5.0, 30.0, ("exit",), "here"),  # no exit, and nobody sees it
+        (5.0, 6.0, (), "here"),  # too late for any exit
+        (5.0, 6.0, ("here",), "west"),  # seen where it is: to what is nearest, if late
+        (5.0, 6.0, ("here", "west"), "exit"),
+        (5.0, 6.0, ("here", "exit", "west"), "east"),
+        (5.0, 6.0, ("here", "exit", "west", "east"), None),
+    ],
+)
+def test_one_ends_its_life_at_an_exit_in_time_or_where_nobody_sees_it(
+    x_m: float, left_s: float, seen: tuple[str, ...], place: str | None
+) -> None:
+    """Whatever the cameras see."""
+    town = Town()
+    places_m = {"here": (x_m, 0.0), "exit": (0.0, 0.0), "west": (0.5, 0.0), "east": (30.0, 0.0)}
+    destinations_m = np.array([places_m["west"], places_m["east"]])
+    town.ways.places = Destinations(destinations_m, np.array([places_m["exit"]]))
+    town.layer.by_exit = True
+    seen_m = [places_m[name] for name in seen]
+    town.layer.hides = lambda points_m: np.array([tuple(p) not in seen_m for p in points_m])
+    town.x_m = x_m
+    one = town.admit(1, 0, "walking", PERSON, may_change=True)
+    one.departure_ns = int(left_s * NS_PER_S)
+    town.decide(0)
+    way_out = town.state(1).repertoire.way_out
+    assert way_out is not None
+    assert way_out.exit_m == (None if place is None else places_m[place])
 
 
 # ------------------------------------------------------------------- planners

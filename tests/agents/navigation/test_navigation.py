@@ -288,6 +288,17 @@ def test_any_move_is_carried_out(move: int) -> None:
     assert along[0] * (at[0] - 20.1) + along[1] * (at[1] - 20.1) > 0.1
 
 
+@pytest.mark.parametrize(("move", "stops"), [(1, False), (3, True)])
+def test_where_the_way_turns_back_from_the_move_one_stops(move: int, stops: bool) -> None:
+    """Going on would lead to states that the action cannot lead to."""
+    ways = navigation(hall())
+    request, prospect = prospect_of(ways, (20.1, 20.1, 0.0), (35.0, 20.3))
+    command = ways.result(request, prospect, 0, move).command
+    assert command.stop_there == (stops or command.subgoal_m == (35.0, 20.3))
+    assert command.subgoal_m is not None
+    assert (command.subgoal_m[0] < 20.1) == stops
+
+
 def test_to_stay_is_to_wait() -> None:
     """With the way that it would go."""
     ways = navigation()
