@@ -57,7 +57,8 @@ class Spell(NamedTuple):
 def spells(life: Life, end_ns: int) -> list[Spell]:
     """Return what an artefact did in a run that ended at `end_ns`."""
     ends = [doing.since_ns for doing in life.doings[1:]]
-    ends.append(end_ns if life.departure_ns is None else life.departure_ns)
+    if life.doings:  # a life between two ticks has none
+        ends.append(end_ns if life.departure_ns is None else life.departure_ns)
     return [Spell(doing, end) for doing, end in zip(life.doings, ends, strict=True)]
 
 
