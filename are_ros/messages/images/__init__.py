@@ -1,0 +1,1 @@
+"""Images <-> messages, raw and compressed, and where their CameraInfo is."""

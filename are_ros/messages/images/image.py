@@ -1,0 +1,85 @@
+"""sensor_msgs/Image and CompressedImage, and the CameraInfo beside them."""
+
+from struct import Struct
+from typing import Any, Final
+
+import numpy as np
+
+from are_ros.builder.sensors.image import CompressedImage, Image
+from are_ros.errors import InputError
+from are_ros.messages.cdr import CdrWriter
+from are_ros.messages.common import read_array, read_header, read_time
+
+_SIZE: Final = Struct("<2I")
+_BYTE: Final = Struct("<B")
+
+TRANSPORTS: Final = ("compressed", "compressedDepth", "theora", "zstd", "ffmpeg")
+"""Transports of image_transport: a topic's last part is one of these if it is not raw."""
+
+
+def camera_info_topic(topic: str) -> str:
+    """Return the topic of an image's CameraInfo, by the convention of image_transport.
+
+    It is `camera_info` in the namespace of the image; its transport is no part of that.
+    """
+    base, _, last = topic.rpartition("/")
+    if last in TRANSPORTS:
+        base = base.rpartition("/")[0]
+    return f"{base}/camera_info" if base else ("/" if topic.startswith("/") else "") + "camera_info"
+
+
+def is_rectified(topic: str) -> bool:
+    """Return whether an image is rectified, by the convention of image_proc: image_rect."""
+    base, _, last = topic.rpartition("/")
+    return "rect" in (base.rpartition("/")[2] if last in TRANSPORTS else last)
+
+
+def read_image(message: Any, source: str = "image") -> Image:
+    """Return the image of a sensor_msgs/Image; its data are viewed, not copied.
+
+    InputError, whose sentence begins with `source`, as `Image.checked`.
+    """
+    return Image.checked(
+        read_array(message.data, np.uint8),
+        frame_id=str(message.header.frame_id).lstrip("/"),
+        stamp_ns=read_time(message.header.stamp),
+        encoding=str(message.encoding),
+        is_bigendian=int(message.is_bigendian),
+        shape=(int(message.height), int(message.width)),
+        step=int(message.step),
+        source=source,
+    )
+
+
+def encode_image(image: Image) -> bytes:
+    """Return a sensor_msgs/Image."""
+    height, step = image.data.shape
+    writer = CdrWriter()
+    writer.header(image.frame_id, image.stamp_ns)
+    writer.pack(_SIZE, 4, height, image.width)
+    writer.text(image.encoding)
+    writer.pack(_BYTE, 1, image.is_bigendian)
+    writer.count(step)
+    writer.numbers(image.data.reshape(-1), "u1")
+    return writer.message()
+
+
+def read_compressed_image(message: Any, source: str = "image") -> CompressedImage:
+    """Return the image of a sensor_msgs/CompressedImage, not decompressed, its data viewed.
+
+    InputError, whose sentence begins with `source`, if it has no frame or no data.
+    """
+    frame_id, stamp_ns = read_header(message, source)
+    data = read_array(message.data, np.uint8)
+    if not data.size:
+        raise InputError(f"{source}: data is empty")
+    return CompressedImage(frame_id, stamp_ns, str(message.format), data)
+
+
+def encode_compressed_image(image: CompressedImage) -> bytes:
+    """Return a sensor_msgs/CompressedImage."""
+    writer = CdrWriter()
+    writer.header(image.frame_id, image.stamp_ns)
+    writer.text(image.format)
+    writer.numbers(image.data, "u1")
+    return writer.message()
