@@ -247,11 +247,16 @@ class PinholeView:
         numbers = self.rectified_from_camera
         return np.array(numbers).reshape(3, 3) if numbers else np.eye(3)
 
-    @cached_property
-    def _directions(self) -> Rays:
+    def rays_to_depth(self) -> npt.NDArray[np.float64]:
+        """Return the rays to 1 m of depth, float64 (height, width, 3); NaN where there is none."""
         slopes = self._slopes()
         rays = np.concatenate((slopes, np.ones((*slopes.shape[:2], 1))), axis=2)
-        return unit_rays(rays @ self._rotation())
+        turned: npt.NDArray[np.float64] = rays @ self._rotation()
+        return turned
+
+    @cached_property
+    def _directions(self) -> Rays:
+        return unit_rays(self.rays_to_depth())
 
     def _slopes(self) -> npt.NDArray[np.float64]:
         """Return x / z and y / z per pixel, (height, width, 2), NaN where there is no ray."""
@@ -284,8 +289,22 @@ class FisheyeView:
         """Return the unit rays; see `ViewModel`."""
         return self._directions
 
+    def rays_to_depth(self) -> npt.NDArray[np.float64]:
+        """Return the rays to 1 m of depth, float64 (height, width, 3).
+
+        They are NaN where there is no ray, or it goes 89.94 degrees or more away from the axis.
+        """
+        rays = self._rays()
+        depths = rays[:, :, 2:]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(depths * _FAR > 1.0, rays / depths, np.nan)
+
     @cached_property
     def _directions(self) -> Rays:
+        return unit_rays(self._rays())
+
+    def _rays(self) -> npt.NDArray[np.float64]:
+        """Return the unit rays (height, width, 3), NaN where there is none."""
         plane = image_plane(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
         radii = np.hypot(plane[:, :, 0], plane[:, :, 1])
         numbers = np.array(self.distortion)
@@ -294,7 +313,7 @@ class FisheyeView:
         angles = angles.reshape(radii.shape)
         sideways = np.sin(angles) / np.maximum(radii, 1e-12)
         rays = (plane[:, :, 0] * sideways, plane[:, :, 1] * sideways, np.cos(angles))
-        return unit_rays(np.stack(rays, axis=2))
+        return np.stack(rays, axis=2)
 
 
 class Projection(Enum):
@@ -373,8 +392,9 @@ class CameraInfo:
 
     `d` has any length; `k` and `r` nine numbers, `p` twelve, row by row. `binning_x`, `binning_y`
     of 0 count as 1. `roi` is (x_offset, y_offset, width, height) in pixels of the full image; a
-    width and height of 0 mean all of it. Equal infos are equal values, so that a camera_info that
-    repeats itself costs one comparison. `source` begins every sentence of an error.
+    width and height of 0 mean all of it, and `do_rectify` is its flag. Equal infos are equal
+    values, so that a camera_info that repeats itself costs one comparison. `source` begins every
+    sentence of an error.
     """
 
     width: int
@@ -388,6 +408,7 @@ class CameraInfo:
     binning_y: int = 0
     roi: tuple[int, int, int, int] = (0, 0, 0, 0)
     source: str = "camera_info"
+    do_rectify: bool = False
 
     def view(self, *, rectified: bool) -> PinholeView | FisheyeView:
         """Return the view model of the raw image (K and D), or of the rectified one (P and R).

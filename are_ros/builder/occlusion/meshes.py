@@ -120,7 +120,7 @@ def _meet(
 
 
 _TILE_EDGE: Final = np.float32(1e-5)
-"""Slack on barycentric coordinates in float32: no crack between triangles that share an edge."""
+"""Slack on barycentric coordinates of tiles: no crack between triangles that share an edge."""
 _ZERO: Final = np.float32(0.0)
 _ONE: Final = np.float32(1.0)
 
@@ -129,16 +129,17 @@ _ONE: Final = np.float32(1.0)
 def cast_tile(
     tree: Tree,
     mesh: int,
-    camera_m: npt.NDArray[np.float32],
-    axis: npt.NDArray[np.float32],
+    camera_m: npt.NDArray[np.floating],
+    axis: npt.NDArray[np.floating],
     grown_m: float,
-    rays: npt.NDArray[np.float32],
-    depths_m: npt.NDArray[np.float32],
+    rays: npt.NDArray[np.floating],
+    depths_m: npt.NDArray[np.floating],
 ) -> None:
-    """Lower depths (PIXELS,) [m] to the first hit on the mesh where that is nearer.
+    """Lower depths (PIXELS,) to the first hit on the mesh where that is nearer.
 
-    Camera (3,), axis (3,) and rays (3, PIXELS) are in the mesh's frame; within the mesh no ray of
-    the tile is farther than `grown_m` from the axis.
+    Camera (3,) [m], axis (3,) and rays (3, PIXELS) are in the mesh's frame; within the mesh no ray
+    of the tile is farther than `grown_m` from the axis. A depth is in lengths of its ray. The
+    precision is that of the rays.
     """
     boxes, triangles, meshes, _ = tree
     first_node, first_triangle = meshes[mesh, 0], meshes[mesh, 2]
@@ -166,26 +167,25 @@ def cast_tile(
 @compiled
 def _meet_all(
     triangle: npt.NDArray[np.float64],
-    camera_m: npt.NDArray[np.float32],
-    rays_x: npt.NDArray[np.float32],
-    rays_y: npt.NDArray[np.float32],
-    rays_z: npt.NDArray[np.float32],
-    depths_m: npt.NDArray[np.float32],
+    camera_m: npt.NDArray[np.floating],
+    rays_x: npt.NDArray[np.floating],
+    rays_y: npt.NDArray[np.floating],
+    rays_z: npt.NDArray[np.floating],
+    depths_m: npt.NDArray[np.floating],
 ) -> None:
     """Lower depths to where the rays meet one triangle (corner, edge, edge), from either side."""
     sx, sy, sz = camera_m[0] - triangle[0], camera_m[1] - triangle[1], camera_m[2] - triangle[2]
     ax, ay, az = triangle[3], triangle[4], triangle[5]
     bx, by, bz = triangle[6], triangle[7], triangle[8]
+    number = rays_x.dtype.type
     # the cross products b x a, b x s and s x a
-    nx, ny = np.float32(by * az - bz * ay), np.float32(bz * ax - bx * az)
-    nz = np.float32(bx * ay - by * ax)
-    ux, uy = np.float32(by * sz - bz * sy), np.float32(bz * sx - bx * sz)
-    uz = np.float32(bx * sy - by * sx)
-    vx, vy = np.float32(sy * az - sz * ay), np.float32(sz * ax - sx * az)
-    vz = np.float32(sx * ay - sy * ax)
-    above = np.float32(
-        bx * (sy * az - sz * ay) + by * (sz * ax - sx * az) + bz * (sx * ay - sy * ax)
-    )
+    nx, ny = number(by * az - bz * ay), number(bz * ax - bx * az)
+    nz = number(bx * ay - by * ax)
+    ux, uy = number(by * sz - bz * sy), number(bz * sx - bx * sz)
+    uz = number(bx * sy - by * sx)
+    vx, vy = number(sy * az - sz * ay), number(sz * ax - sx * az)
+    vz = number(sx * ay - sy * ax)
+    above = number(bx * (sy * az - sz * ay) + by * (sz * ax - sx * az) + bz * (sx * ay - sy * ax))
     for pixel in range(PIXELS):
         x, y, z = rays_x[pixel], rays_y[pixel], rays_z[pixel]
         scale = _ONE / (x * nx + y * ny + z * nz)

@@ -69,7 +69,7 @@ class ZBuffer:
         render(
             self._tiles,
             map_from_camera.rotation_matrix().astype(np.float32),
-            _boxes(map_from_camera.translation_m, boxes, selection.indices),
+            boxes_seen_from(map_from_camera.translation_m, boxes, selection.indices),
             _voxels(map_from_camera.translation_m, environment),
             selection.pool.tree,
             mutual,
@@ -80,7 +80,7 @@ class ZBuffer:
         return _visibility(tallies)
 
 
-def _boxes(
+def boxes_seen_from(
     camera_m: npt.NDArray[np.float64], boxes: OrientedBoxes, meshes: npt.NDArray[np.int64]
 ) -> Boxes:
     """Return the boxes as seen from the camera; differences are taken before rounding."""

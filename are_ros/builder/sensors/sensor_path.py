@@ -7,6 +7,7 @@ reading passes through unaugmented and is counted. A reading that is older than 
 passes through, too: its stamps are of another clock, or it was delayed.
 """
 
+import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -35,12 +36,13 @@ class Obstacles:
     """What a sensor can hit, in the map frame: `boxes` of N >= 1 artefacts.
 
     `shapes` are the N meshes, or the boxes themselves; `surface` is the surface of the environment,
-    None if there is none.
+    None if there is none. Depth cameras see as far as `depth_range_m`.
     """
 
     boxes: OrientedBoxes
     shapes: MeshSelection
     surface: VoxelField | None = None
+    depth_range_m: float = math.inf
 
 
 class Reading(Protocol):

@@ -1,0 +1,191 @@
+"""Where the pixels of an image look: made once per CameraInfo, for all images taken with it."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros._compiled import compiled
+from are_ros.builder.occlusion.kernels import Boxes, find_candidates
+from are_ros.builder.occlusion.meshes import MeshSelection, Tree, cast_tile, enters
+from are_ros.builder.occlusion.rays import PIXELS, TILE, TiledRays, inverse
+from are_ros.builder.occlusion.zbuffer import boxes_seen_from
+from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.cameras import CameraInfo, FisheyeView, PinholeView
+from are_ros.world.rigid_transform import RigidTransform
+
+_Floats = npt.NDArray[np.float64]
+_Indices = npt.NDArray[np.int64]
+
+
+class DepthTiles(NamedTuple):
+    """The rays of a view in T tiles, for the kernels.
+
+    `rays` float64 (T, 3, PIXELS) go to 1 m of depth. `rows` and `columns` int64 (T, PIXELS) are
+    those of their pixels, and `valid` bool (T, PIXELS) tells which have a ray. `axes` float32
+    (T, 3) and `spreads` float32 (T,) are as in `rays.Tiles`.
+    """
+
+    rays: _Floats
+    rows: _Indices
+    columns: _Indices
+    valid: npt.NDArray[np.bool_]
+    axes: npt.NDArray[np.float32]
+    spreads: npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Lens:
+    """What a CameraInfo says about the images beside it.
+
+    `frame_id` and `info` are those of the message; `view` is the model of the images, rectified or
+    not. Depth is the coordinate along the axis of the (rectified) image, not the distance.
+    """
+
+    frame_id: str
+    info: CameraInfo
+    view: PinholeView | FisheyeView
+
+    @cached_property
+    def tiles(self) -> DepthTiles:
+        """The rays of all pixels; computed at the first use."""
+        rays = self.view.rays_to_depth()
+        is_valid = ~np.isnan(rays[:, :, 0])
+        rays[~is_valid] = 0.0
+        units = rays / np.maximum(np.linalg.norm(rays, axis=2, keepdims=True), 1e-12)
+        cones = TiledRays.of(units.astype(np.float32)).tiles
+        down, right = np.divmod(np.arange(PIXELS), TILE)
+        rows = cones.first_pixels[:, 1:] + down
+        columns = cones.first_pixels[:, :1] + right
+        is_inside = (rows < self.view.height) & (columns < self.view.width)
+        rows, columns = np.where(is_inside, rows, 0), np.where(is_inside, columns, 0)
+        return DepthTiles(
+            np.ascontiguousarray(rays[rows, columns].transpose(0, 2, 1)),
+            rows,
+            columns,
+            is_inside & is_valid[rows, columns],
+            cones.axes,
+            cones.spreads,
+        )
+
+    def tiles_towards(self, map_from_camera: RigidTransform, boxes: OrientedBoxes) -> _Indices:
+        """Return the tiles (K,) in which a ray may meet one of the boxes, int64."""
+        matrix = map_from_camera.rotation_matrix()
+        axes = (self.tiles.axes @ matrix.T).astype(np.float32)
+        seen = boxes_seen_from(map_from_camera.translation_m, boxes, _no_meshes(len(boxes)))
+        return np.flatnonzero(_are_met(axes, self.tiles.spreads, seen))
+
+    def lower_depths(
+        self,
+        map_from_camera: RigidTransform,
+        which: _Indices,
+        boxes: OrientedBoxes,
+        shapes: MeshSelection,
+        depths_m: _Floats,
+    ) -> None:
+        """Lower depths (K, PIXELS) [m] of some tiles (K,) to the first hit on any shape.
+
+        A depth is lowered only to a nearer one, and that of a pixel without a ray never. From
+        inside a box its depth is 0.
+        """
+        tiles = self.tiles
+        _lower_depths(
+            tiles.rays,
+            tiles.axes,
+            tiles.spreads,
+            which,
+            map_from_camera.rotation_matrix(),
+            map_from_camera.translation_m,
+            boxes.packed,
+            boxes_seen_from(map_from_camera.translation_m, boxes, shapes.indices),
+            shapes.pool.tree,
+            depths_m,
+        )
+
+
+def _no_meshes(count: int) -> _Indices:
+    return np.full(count, -1, dtype=np.int64)
+
+
+@compiled
+def _are_met(
+    axes: npt.NDArray[np.float32], spreads: npt.NDArray[np.float32], boxes: Boxes
+) -> npt.NDArray[np.bool_]:
+    """Return which tiles, whose axes (T, 3) are in the map frame, may meet a box."""
+    found = np.empty(boxes.far_m.size + 1, dtype=np.int64)
+    met = np.empty(spreads.size, dtype=np.bool_)
+    for tile in range(spreads.size):
+        met[tile] = find_candidates(axes[tile], spreads[tile], boxes, found) > 0
+    return met
+
+
+@compiled
+def _lower_depths(
+    rays: _Floats,
+    axes: npt.NDArray[np.float32],
+    spreads: npt.NDArray[np.float32],
+    which: _Indices,
+    map_from_camera: _Floats,
+    camera_m: _Floats,
+    packed: _Floats,
+    boxes: Boxes,
+    tree: Tree,
+    depths_m: _Floats,
+) -> None:
+    """Lower the depths of the tiles `which` (K,), tile by tile and box by box.
+
+    `boxes` are as in `Boxes`, and `packed` the same with the full precision.
+    """
+    found = np.empty(packed.shape[0] + 1, dtype=np.int64)
+    axis, turned_axis = np.empty(3, dtype=np.float32), np.empty(3)
+    camera, turned = np.empty(3), np.empty((3, PIXELS))
+    corners, matrix = np.empty(6), np.empty((3, 3))
+    for k in range(which.size):
+        tile = which[k]
+        for row in range(3):
+            axis[row] = (
+                map_from_camera[row, 0] * axes[tile, 0]
+                + map_from_camera[row, 1] * axes[tile, 1]
+                + map_from_camera[row, 2] * axes[tile, 2]
+            )
+        for candidate in range(find_candidates(axis, spreads[tile], boxes, found)):
+            box = found[candidate]
+            cosine, sine = packed[box, 3], packed[box, 4]
+            x, y = camera_m[0] - packed[box, 0], camera_m[1] - packed[box, 1]
+            camera[0], camera[1] = cosine * x + sine * y, cosine * y - sine * x
+            camera[2] = camera_m[2] - packed[box, 2]
+            turned_axis[0] = cosine * axis[0] + sine * axis[1]
+            turned_axis[1] = cosine * axis[1] - sine * axis[0]
+            turned_axis[2] = axis[2]
+            for column in range(3):
+                a, b = map_from_camera[0, column], map_from_camera[1, column]
+                matrix[0, column] = cosine * a + sine * b
+                matrix[1, column] = cosine * b - sine * a
+                matrix[2, column] = map_from_camera[2, column]
+            for row in range(3):
+                a, b, c = matrix[row, 0], matrix[row, 1], matrix[row, 2]
+                for pixel in range(PIXELS):
+                    turned[row, pixel] = (
+                        a * rays[tile, 0, pixel]
+                        + b * rays[tile, 1, pixel]
+                        + c * rays[tile, 2, pixel]
+                    )
+            if boxes.meshes[box] >= 0:
+                grown = spreads[tile] * boxes.far_m[box]
+                cast_tile(tree, boxes.meshes[box], camera, turned_axis, grown, turned, depths_m[k])
+                continue
+            for side in range(3):
+                corners[side], corners[3 + side] = -packed[box, 5 + side], packed[box, 5 + side]
+            for pixel in range(PIXELS):
+                near = enters(
+                    corners,
+                    camera[0],
+                    camera[1],
+                    camera[2],
+                    inverse(turned[0, pixel]),
+                    inverse(turned[1, pixel]),
+                    inverse(turned[2, pixel]),
+                )
+                depths_m[k, pixel] = min(depths_m[k, pixel], near)
