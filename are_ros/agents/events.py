@@ -74,8 +74,9 @@ class PerceivedArtefact:
     """One member of A_f: a perceived artefact (are_msgs/PerceivedArtefact).
 
     The pose is that of F_A in the map's frame, with a 6x6 row-major covariance as ROS orders it
-    (x, y, z, rotation about x, y, z). `roi_px` is (x, y, width, height) of its visible pixels,
-    `range_m` the distance from the camera's centre to its nearest visible point.
+    (x, y, z, rotation about x, y, z). `cameras` are the names of those that saw it; the pixels are
+    of the first: `roi_px` is (x, y, width, height) of the visible ones, `range_m` the distance
+    from the camera's centre to its nearest visible point.
     """
 
     artefact_id: int
@@ -95,6 +96,7 @@ class PerceivedArtefact:
     existence: float
     roi_px: tuple[int, int, int, int]
     last_seen_ns: int
+    cameras: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -94,6 +94,7 @@ class Sighting(NamedTuple):
     size_m: tuple[float, ...] = ()
     twist: tuple[float, ...] = ()
     twist_covariance: tuple[float, ...] = ()
+    cameras: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -329,6 +330,7 @@ def _sighting(one: Any) -> Sighting:
         _xyz(one.size),
         (*_xyz(one.twist.twist.linear), *_xyz(one.twist.twist.angular)),
         tuple(one.twist.covariance.tolist()),
+        tuple(getattr(one, "cameras", ())),  # recordings of before have none
     )
 
 

@@ -22,7 +22,6 @@ from are_ros.parameters.choices import CostmapGate
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue
 from are_ros.population.departures import Cause
-from are_ros.world.rigid_transform import RigidTransform
 
 _NAN = float("nan")
 
@@ -68,10 +67,15 @@ class ArBuilder(Simulation):
         if self.demand.markers and self._surroundings is not None:
             self._surroundings.prepare(environment.voxels)
 
-    def prepare_camera(self) -> None:
-        """Compute what another camera needs, so that the first tick that looks does not have to."""
-        if self.camera is not None and self.demand.perception:
-            self._watch.prepare_camera(self.camera, self.parameters.occlusion)
+    @property
+    def camera_missing(self) -> str:
+        """Why the pose of a camera was not known when it was to look, empty if all were."""
+        return self._watch.missing
+
+    def prepare_cameras(self) -> None:
+        """Compute what other cameras need, so that the first tick that looks does not have to."""
+        if self.demand.perception:
+            self._watch.prepare_cameras(self.cameras, self.parameters.occlusion)
 
     def show_everything(self) -> None:
         """Give all markers at the next tick, after a DELETEALL: there is a new viewer."""
@@ -158,12 +162,12 @@ class ArBuilder(Simulation):
         )
 
     def _observe(self, now_ns: int, scene: Scene) -> Observation:
-        """Occlusion: which artefacts the camera sees."""
-        environment, camera = self.lives.environment, self.camera
-        if environment is None or camera is None or not self.demand.perception:
+        """Occlusion: which artefacts the cameras see."""
+        environment, cameras = self.lives.environment, self.cameras
+        if environment is None or not any(cameras) or not self.demand.perception:
             return self._watch.stand_by(now_ns)
         settings = self.parameters.occlusion
-        return self._watch.observe(now_ns, camera, environment, scene, settings)
+        return self._watch.observe(now_ns, cameras, environment, scene, settings)
 
     def _perceive(self, now_ns: int, scene: Scene, observation: Observation) -> Perception:
         """Certainty: A_f, or what a detector and a tracker make of it."""
@@ -171,10 +175,7 @@ class ArBuilder(Simulation):
         if self._detector is None:
             perception = Perception(now_ns, perceived_artefacts(scene, observation))
         else:
-            is_look = observation.seen_ns == now_ns
-            sightings = observation.sightings if is_look else None
-            view = self._view(observation.map_from_camera)
-            perception = self._detector.observe(now_ns, scene, sightings, view)
+            perception = self._detector.observe(now_ns, scene, self._views(observation))
             if self.parameters.certainty.applies_to_sensors:
                 ids = perception.seen_ns.keys()
         if self.demand.perception:
@@ -185,15 +186,22 @@ class ArBuilder(Simulation):
     def _predicts(self) -> bool:
         return self._detector is not None and self._detector.predicts
 
-    def _view(self, map_from_camera: RigidTransform | None) -> View | None:
-        """Return what the camera looks at from a pose, None where one of them is not known."""
-        environment, camera = self.lives.environment, self.camera
-        if map_from_camera is None or environment is None or camera is None:
+    def _views(self, observation: Observation) -> list[View] | None:
+        """Return what the cameras look at whose pose is known, None between looks."""
+        environment, settings = self.lives.environment, self.parameters.occlusion
+        if observation.looks is None or environment is None:
             return None
-        settings = self.parameters.occlusion
-        imagine = partial(self._watch.imagine, camera, map_from_camera, environment, settings)
-        camera_m = map_from_camera.translation_m[:2]
-        return View(environment, imagine, camera_m, settings.max_range)
+        views = []
+        for look in observation.looks:
+            camera, pose = look.camera, look.map_from_camera
+            if camera is not None and pose is not None:
+                eye = self._watch.eyes[look.number]
+                imagine = partial(eye.imagine, camera, pose, environment, settings)
+                where_m, range_m = pose.translation_m[:2], settings.max_range
+                views.append(
+                    View(environment, imagine, where_m, range_m, look.period_s, look.sightings)
+                )
+        return views
 
     def _forget(self) -> None:
         """Forget what was seen."""

@@ -13,7 +13,7 @@ from are_ros.builder.environment_marker import EnvironmentDisplay
 from are_ros.builder.files.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
 from are_ros.builder.gates import GateMemory, OpenGate, gate_of
 from are_ros.builder.markers import MarkerDisplay
-from are_ros.builder.observation import CameraObserver
+from are_ros.builder.observation import Watch
 from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.conventions import seconds_to_ns
 from are_ros.errors import ParameterError
@@ -79,10 +79,9 @@ def chosen_camera(parameters: Parameters, received: Camera) -> Camera:
     return Camera(received.view, frame_id, received.base_from_optical)
 
 
-def watch(parameters: Parameters, robots: RobotTracker, meshes: MeshBank) -> CameraObserver:
-    """Return what lets the robot look, at `camera.rate`."""
-    rate_hz, tick_rate_hz = parameters.camera.rate, parameters.builder.tick_rate
-    return CameraObserver(robots, meshes, rate_hz, tick_rate_hz)
+def watch(parameters: Parameters, robots: RobotTracker, meshes: MeshBank) -> Watch:
+    """Return what lets the robot look with each of its cameras, at the camera's rate."""
+    return Watch(robots, meshes, parameters.camera.rates, parameters.builder.tick_rate)
 
 
 def detector(parameters: Parameters, catalogue: Catalogue) -> Detector | None:

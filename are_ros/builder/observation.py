@@ -1,7 +1,7 @@
 """What an observer perceives: A_f by the z-buffer of its camera (section 3.3); when it looks."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from are_ros.agents.events import ArtefactEvent, ArtefactState, EventKind, PerceivedArtefact
 from are_ros.agents.robots import RobotTracker
@@ -23,12 +23,17 @@ _CERTAIN = (0.0,) * 36
 
 @dataclass(frozen=True)
 class Sighting:
-    """How one member of A_f was seen; `range_m` is to its nearest visible point."""
+    """How one member of A_f was seen; `range_m` is to its nearest visible point.
+
+    `cameras` are the names of those that saw it; the numbers and `seen_ns` are of the first.
+    """
 
     visible_pixels: int
     unoccluded_pixels: int
     roi_px: tuple[int, int, int, int]
     range_m: float
+    seen_ns: int = 0
+    cameras: tuple[str, ...] = ()
 
     @property
     def visible_fraction(self) -> float:
@@ -36,37 +41,67 @@ class Sighting:
         return self.visible_pixels / max(self.unoccluded_pixels, 1)
 
 
-def _sighting(seen: Visibility, index: int) -> Sighting:
+def joined(one: Sighting, other: Sighting) -> Sighting:
+    """Return one sighting for two cameras: that of the camera which sees more pixels, then `one`'s.
+
+    Both cameras are named.
+    """
+    first, second = (other, one) if other.visible_pixels > one.visible_pixels else (one, other)
+    return replace(first, cameras=(*first.cameras, *second.cameras))
+
+
+def _sighting(seen: Visibility, index: int, seen_ns: int, camera: Camera) -> Sighting:
     x, y, width, height = seen.rois[index].tolist()
     return Sighting(
         int(seen.visible_pixels[index]),
         int(seen.unoccluded_pixels[index]),
         (x, y, width, height),
         float(seen.nearest_m[index]),
+        seen_ns,
+        (camera.name,),
     )
 
 
 @dataclass(frozen=True, eq=False)
+class Look:
+    """What one camera, looking every `period_s`, saw at `seen_ns`, by id.
+
+    `map_from_camera` is None where its pose was not known: then it saw nothing.
+    """
+
+    number: int = 0
+    camera: Camera | None = None
+    map_from_camera: RigidTransform | None = None
+    sightings: Mapping[int, Sighting] = field(default_factory=dict)
+    seen_ns: int = 0
+    period_s: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
 class Observation:
-    """What an observer sees: its poses (None: not known now), and A_f by id as of `seen_ns`."""
+    """What an observer sees: the pose of its base, and A_f by id, the union over its cameras.
+
+    `map_from_camera` is the pose of the first camera; poses are None where they are not known now.
+    `looks` are those of this tick, None where it was no camera's time to look.
+    """
 
     map_from_base: RigidTransform | None = None
     map_from_camera: RigidTransform | None = None
     sightings: Mapping[int, Sighting] = field(default_factory=dict)
-    seen_ns: int = 0
+    looks: tuple[Look, ...] | None = None
 
 
 def perceived_artefacts(scene: Scene, observation: Observation) -> tuple[PerceivedArtefact, ...]:
     """Return A_f: what the observer knows of each artefact of a scene that it sees."""
-    sightings, seen_ns = observation.sightings, observation.seen_ns
+    sightings = observation.sightings
     return tuple(
-        perceived_artefact(scene.state(k), sightings[artefact.id], seen_ns)
+        perceived_artefact(scene.state(k), sightings[artefact.id])
         for k, artefact in enumerate(scene.artefacts)
         if artefact.id in sightings
     )
 
 
-def perceived_artefact(state: ArtefactState, sighting: Sighting, seen_ns: int) -> PerceivedArtefact:
+def perceived_artefact(state: ArtefactState, sighting: Sighting) -> PerceivedArtefact:
     """Return what an observer without any uncertainty knows of an artefact that it saw."""
     return PerceivedArtefact(
         artefact_id=state.artefact_id,
@@ -85,24 +120,35 @@ def perceived_artefact(state: ArtefactState, sighting: Sighting, seen_ns: int) -
         range_m=sighting.range_m,
         existence=1.0,
         roi_px=sighting.roi_px,
-        last_seen_ns=seen_ns,
+        last_seen_ns=sighting.seen_ns,
+        cameras=sighting.cameras,
     )
 
 
 class CameraObserver:
     """Looks at most `rate_hz` times a second; in between, the last sightings hold.
 
-    `looks` counts the looks. Camera and environment may change from look to look.
+    `looks` counts the looks, `missing` says why the camera's pose was not known when it was last
+    time for one. Camera and environment may change from look to look. `number` is the camera's
+    place among those of the robot.
     """
 
     def __init__(
-        self, robots: RobotTracker, meshes: MeshBank, rate_hz: float, tick_rate_hz: float
+        self,
+        robots: RobotTracker,
+        meshes: MeshBank,
+        rate_hz: float,
+        tick_rate_hz: float,
+        number: int = 0,
     ) -> None:
         self.looks = 0
+        self.missing = ""
+        self._number = number
+        self._period_s = 1.0 / min(rate_hz, tick_rate_hz)
         self._robots, self._meshes = robots, meshes
         self._period_ns = round(NS_PER_S / rate_hz)
         self._looks_at_each_tick = rate_hz >= tick_rate_hz
-        self._last = Observation()
+        self._last = Look(number)
         self._last_period = -1
         self._view: tuple[ViewModel | None, float] = (None, 0.0)
         self._buffer: ZBuffer | None = None
@@ -116,22 +162,24 @@ class CameraObserver:
         environment: Environment,
         scene: Scene,
         settings: OcclusionParameters,
-    ) -> Observation:
-        """Return what is perceived at `now_ns`; departed artefacts are left out."""
-        robot = self._robots.pose(now_ns)
-        map_from_base = robot.map_from_base if robot else None
+    ) -> Look:
+        """Return what the camera perceives at `now_ns`; departed artefacts are left out."""
         if not self._is_due(now_ns):
-            return self._held(map_from_base, scene)
+            alive = {artefact.id for artefact in scene.artefacts}
+            held = {i: seen for i, seen in self._last.sightings.items() if i in alive}
+            return replace(self._last, sightings=held)
         map_from_camera = self._robots.map_from_camera(camera, now_ns)
+        self.missing = self._robots.camera_missing
         sightings: Mapping[int, Sighting] = {}
         if map_from_camera is not None:
             self.looks += 1
-            sightings = self.look(camera, map_from_camera, environment, scene, settings)
-        self._last = Observation(map_from_base, map_from_camera, sightings, now_ns)
+            sightings = self.look(now_ns, camera, map_from_camera, environment, scene, settings)
+        self._last = Look(self._number, camera, map_from_camera, sightings, now_ns, self._period_s)
         return self._last
 
     def look(
         self,
+        now_ns: int,
         camera: Camera,
         map_from_camera: RigidTransform,
         environment: Environment,
@@ -146,7 +194,7 @@ class CameraObserver:
         buffer = self.prepare_camera(camera, settings)
         seen = buffer.visibility(map_from_camera, scene.boxes, self._field, shapes, settings.mutual)
         return {
-            artefact.id: _sighting(seen, i)
+            artefact.id: _sighting(seen, i, now_ns, camera)
             for i, artefact in enumerate(scene.artefacts)
             if seen.visible_pixels[i] > settings.tau
         }
@@ -167,7 +215,10 @@ class CameraObserver:
         buffer = self.prepare_camera(camera, settings)
         seen = buffer.visibility(map_from_camera, boxes, self._field, mutual=False)
         are_seen = (seen.visible_pixels > settings.tau).tolist()
-        return [_sighting(seen, i) if is_seen else None for i, is_seen in enumerate(are_seen)]
+        return [
+            _sighting(seen, i, self._last.seen_ns, camera) if is_seen else None
+            for i, is_seen in enumerate(are_seen)
+        ]
 
     def prepare(self, environment: Environment) -> None:
         """Prepare the rays for an environment, if it is another one than before."""
@@ -182,14 +233,9 @@ class CameraObserver:
             self._buffer, self._view = ZBuffer(*view), view
         return self._buffer
 
-    def stand_by(self, now_ns: int) -> Observation:
-        """Return the observer's pose, without a look."""
-        robot = self._robots.pose(now_ns)
-        return Observation(robot.map_from_base if robot else None)
-
     def forget(self) -> None:
         """Forget what was seen: the clock jumped back."""
-        self._last, self._last_period = Observation(), -1
+        self._last, self._last_period = Look(self._number), -1
 
     def _is_due(self, now_ns: int) -> bool:
         period = now_ns // self._period_ns
@@ -197,10 +243,83 @@ class CameraObserver:
         self._last_period = period
         return is_due
 
-    def _held(self, map_from_base: RigidTransform | None, scene: Scene) -> Observation:
-        last, alive = self._last, {artefact.id for artefact in scene.artefacts}
-        sightings = {i: seen for i, seen in last.sightings.items() if i in alive}
-        return Observation(map_from_base, last.map_from_camera, sightings, last.seen_ns)
+
+class Watch:
+    """Looks with all cameras of a robot, each at its own rate; what it sees is their union."""
+
+    def __init__(
+        self,
+        robots: RobotTracker,
+        meshes: MeshBank,
+        rates_hz: Sequence[float],
+        tick_rate_hz: float,
+    ) -> None:
+        self.eyes = [
+            CameraObserver(robots, meshes, rate_hz, tick_rate_hz, number)
+            for number, rate_hz in enumerate(rates_hz)
+        ]
+        self._robots = robots
+
+    @property
+    def looks(self) -> int:
+        """How often it was time for a look, and the camera's pose was known."""
+        return sum(eye.looks for eye in self.eyes)
+
+    @property
+    def missing(self) -> str:
+        """Why the pose of a camera is not known, empty if all are."""
+        return next((eye.missing for eye in self.eyes if eye.missing), "")
+
+    def observe(
+        self,
+        now_ns: int,
+        cameras: Sequence[Camera | None],
+        environment: Environment,
+        scene: Scene,
+        settings: OcclusionParameters,
+    ) -> Observation:
+        """Return what is perceived at `now_ns` by the cameras that are known, one for each eye."""
+        looks = [
+            eye.observe(now_ns, camera, environment, scene, settings)
+            for eye, camera in zip(self.eyes, cameras, strict=True)
+            if camera is not None
+        ]
+        union: dict[int, Sighting] = {}
+        for look in looks:
+            for number, sighting in look.sightings.items():
+                before = union.get(number)
+                union[number] = sighting if before is None else joined(before, sighting)
+        due = tuple(look for look in looks if look.seen_ns == now_ns)
+        first = next((look for look in looks if look.number == 0), Look())
+        return replace(
+            self.stand_by(now_ns),
+            map_from_camera=first.map_from_camera,
+            sightings=union,
+            looks=due or None,
+        )
+
+    def stand_by(self, now_ns: int) -> Observation:
+        """Return the pose of the robot's base, without a look."""
+        robot = self._robots.pose(now_ns)
+        return Observation(robot.map_from_base if robot else None)
+
+    def prepare(self, environment: Environment) -> None:
+        """Prepare the rays for an environment."""
+        for eye in self.eyes:
+            eye.prepare(environment)
+
+    def prepare_cameras(
+        self, cameras: Sequence[Camera | None], settings: OcclusionParameters
+    ) -> None:
+        """Prepare the rays of the cameras that are known."""
+        for eye, camera in zip(self.eyes, cameras, strict=True):
+            if camera is not None:
+                eye.prepare_camera(camera, settings)
+
+    def forget(self) -> None:
+        """Forget what was seen: the clock jumped back."""
+        for eye in self.eyes:
+            eye.forget()
 
 
 def sight_events(

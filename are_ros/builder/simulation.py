@@ -64,7 +64,9 @@ class Simulation:
         self.robots = assembly.robot_tracker(parameters, self.frames)
         resolver = assembly.collision_resolver(parameters)
         self.lives = PopulationManager(parameters, catalogue, self.world, self.robots, resolver)
-        self.camera: Camera | None = assembly.default_camera(parameters)
+        self.cameras: list[Camera | None] = [None for _ in parameters.camera.rates]
+        """The robot's camera, and those of `camera.others`; None: its CameraInfo has not come."""
+        self.camera = assembly.default_camera(parameters)
         self._meshes = MeshBank()
         self.lives.viewpoints = self._viewpoints
         self._sensors = SensorAugmentation(parameters, self.frames, self.lives, self._meshes)
@@ -73,6 +75,15 @@ class Simulation:
         self._now_ns = _BEFORE_ALL_NS
         self._idle_until_ns = _BEFORE_ALL_NS
         assembly.set_static_frames(parameters, self.frames)
+
+    @property
+    def camera(self) -> Camera | None:
+        """The first camera of the robot, None before it is known."""
+        return self.cameras[0]
+
+    @camera.setter
+    def camera(self, camera: Camera | None) -> None:
+        self.cameras[0] = camera
 
     # ------------------------------------------------------------------------------ inputs
 
@@ -143,10 +154,15 @@ class Simulation:
         )
         self._sensors.transforms_came(received_ns)
 
-    def receive_camera(self, camera: Camera, received_ns: int) -> None:
-        """Take the view model of the robot's camera, from its CameraInfo."""
+    def receive_camera(self, camera: Camera, received_ns: int, number: int = 0) -> None:
+        """Take the view model of a camera of the robot, from its CameraInfo.
+
+        Number 0 is its own, the others are those of `camera.others`, counted from 1.
+        """
         self._received(received_ns)
-        self.camera = assembly.chosen_camera(self.parameters, camera)
+        is_first = number == 0
+        chosen = assembly.chosen_camera(self.parameters, camera) if is_first else camera
+        self.cameras[number] = chosen
 
     def receive_reading(self, topic: str, reading: Reading, received_ns: int) -> None:
         """Take a reading of a sensor; `take_readings` returns it, augmented."""
@@ -291,9 +307,11 @@ class Simulation:
         return Footprint(plan_m[-1:, :2], radius_m)
 
     def _viewpoints(self, now_ns: int) -> Sequence[Viewpoint]:
-        """Return the camera at its pose, nothing if that is not known."""
-        camera = self.camera
-        map_from_camera = self.robots.map_from_camera(camera, now_ns) if camera else None
-        if camera is None or map_from_camera is None:
-            return ()
-        return (Viewpoint(camera.view, map_from_camera),)
+        """Return the cameras at their poses, without those whose pose is not known."""
+        known = [camera for camera in self.cameras if camera is not None]
+        poses = [self.robots.map_from_camera(camera, now_ns) for camera in known]
+        return tuple(
+            Viewpoint(camera.view, map_from_camera)
+            for camera, map_from_camera in zip(known, poses, strict=True)
+            if map_from_camera is not None
+        )

@@ -202,3 +202,6 @@ def _append_perceived(writer: CdrWriter, artefact: PerceivedArtefact) -> None:
     )
     writer.pack(_REGION, 4, x, y, height, width, False)
     writer.time(artefact.last_seen_ns)
+    writer.count(len(artefact.cameras))
+    for name in artefact.cameras:
+        writer.text(name)

@@ -3,8 +3,9 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import count
 from struct import Struct
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.conventions import NS_PER_S
@@ -22,6 +23,9 @@ from are_ros.world.rigid_transform import RigidTransform
 _STAMP_AT, _STAMP_END = 4, 12
 """In CDR and in ROS 1 alike the stamp of a header is here; what follows is the content."""
 _STAMP = Struct("<iI")
+
+OTHER_CAMERA: Final = "other_camera_info"
+"""The role of the topics of `camera.others`, in their order."""
 
 
 class RawMessage(Protocol):
@@ -81,11 +85,13 @@ class Feed:
         self._builder = builder
         self._roles = dict(roles)
         self._last: dict[str, tuple[bytes, Any]] = {}
+        others = count(1)
         makers: Mapping[str, Callable[[], Handler]] = {
             "map": lambda: self._map,
             "octomap_point_cloud_centers": lambda: self._cloud,
             "odom": lambda: self._odometry,
-            "camera/camera_info": lambda: self._camera,
+            "camera/camera_info": lambda: partial(self._camera, 0),
+            OTHER_CAMERA: lambda: partial(self._camera, next(others)),
             "tf": lambda: self._transforms,
             "tf_static": lambda: self._static_transforms,
             "plan": lambda: self._plan,
@@ -141,14 +147,14 @@ class Feed:
         path = read_path(self._decoding.deserialize(message), message.topic)
         self._builder.receive_plan(path.points_m, path.frame_id, received_ns)
 
-    def _camera(self, message: RawMessage, received_ns: int) -> None:
+    def _camera(self, number: int, message: RawMessage, received_ns: int) -> None:
         def decode(raw: Any, source: str) -> Camera:
             rectified = self._builder.parameters.camera.rectified
             view = read_camera_info(raw, source).view(rectified=rectified)
             frame_id = read_header(raw, source).frame_id
             return Camera(view, frame_id, RigidTransform.identity())
 
-        self._builder.receive_camera(self._decoded(message, decode), received_ns)
+        self._builder.receive_camera(self._decoded(message, decode), received_ns, number)
 
     def _decoded(self, message: RawMessage, decode: Callable[[Any, str], Any]) -> Any:
         """Return the decoded content; a content that is repeated is not decoded again."""

@@ -174,7 +174,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             raise NodeError("it is not configured: the node is to end")
         self._said.clear()
         subscriptions = self._inputs = Subscriptions(
-            self, parameters.sensors, self._store, self._say
+            self, parameters.sensors, parameters.camera.others, self._store, self._say
         )
         offered = offered_outputs(parameters.certainty)
         publishers = self._outputs = Publishers(self, subscriptions.roles, offered, self._say)

@@ -573,4 +573,7 @@ def _camera_problem(builder: ArBuilder) -> str:
         return "no CameraInfo came yet"
     if builder.world.environment is None:
         return "there is no map yet"
-    return builder.robots.camera_missing
+    awaited = (k for k, camera in enumerate(builder.cameras) if camera is None)
+    if (missing := next(awaited, 0)) > 0:
+        return f"no CameraInfo of {builder.parameters.camera.others[missing - 1]} came yet"
+    return builder.camera_missing

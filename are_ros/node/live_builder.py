@@ -107,7 +107,7 @@ class LiveBuilder:
         self._now_ns = 0
         self._look_ns: int | None = None
         self._has_prepared = False
-        self._view: ViewModel | None = None
+        self._views: list[ViewModel] = []
         self._shown: Environment | None = None
         self.sensors = sensor_topics(roles)
         self._sensor_outputs = sensor_outputs(roles)
@@ -275,10 +275,11 @@ class LiveBuilder:
 
         Inputs that arrive during it are received late, also the first robot pose.
         """
-        camera, area_m2 = self.builder.camera, self.builder.lives.area_m2
-        if camera is not None and camera.view is not self._view and area_m2 > 0.0:
-            self._view, self._has_prepared = camera.view, True
-            self.builder.prepare_camera()
+        views = [camera.view for camera in self.builder.cameras if camera is not None]
+        is_new = any(view not in self._views for view in views)
+        if is_new and self.builder.lives.area_m2 > 0.0:
+            self._views, self._has_prepared = views, True
+            self.builder.prepare_cameras()
 
     def _click(self, message: RawMessage, received_ns: int) -> None:
         """Spawn an artefact at a clicked point, or refuse it with the reason."""

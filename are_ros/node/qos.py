@@ -17,6 +17,7 @@ from rclpy.qos import (
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 
 from are_ros.errors import ParameterError
+from are_ros.messages.feed import OTHER_CAMERA
 from are_ros.messages.sensors import SENSORS
 from are_ros.messages.tick_encoding import ALL_OUTPUTS, OutputTopic
 from are_ros.node.message_classes import message_class
@@ -40,6 +41,7 @@ INPUTS: Final[Mapping[str, InputTopic]] = MappingProxyType(
         "odom": InputTopic("nav_msgs/msg/Odometry", depth=50),
         **{role: InputTopic(kind.type_name) for role, kind in SENSORS.items()},
         "camera/camera_info": InputTopic("sensor_msgs/msg/CameraInfo", depth=5),
+        OTHER_CAMERA: InputTopic("sensor_msgs/msg/CameraInfo", depth=5),
         "tf": InputTopic("tf2_msgs/msg/TFMessage", True, depth=100, topic="/tf"),
         "tf_static": InputTopic("tf2_msgs/msg/TFMessage", True, True, 100, "/tf_static"),
         "clicked_point": InputTopic("geometry_msgs/msg/PointStamped", True),

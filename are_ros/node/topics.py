@@ -1,7 +1,7 @@
 """The topics of the node: subscriptions to its inputs, and publishers of its outputs."""
 
 import time
-from collections.abc import Callable, Container, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from struct import error as StructError  # noqa: N812
 from time import monotonic_ns
 from typing import Any, Final, NamedTuple
@@ -13,6 +13,7 @@ from rclpy.qos import DurabilityPolicy
 from rclpy.serialization import deserialize_message
 
 from are_ros.errors import AreError, InputError, NodeError
+from are_ros.messages.feed import OTHER_CAMERA
 from are_ros.messages.odometry import OdometryNumbers, read_odometry_numbers
 from are_ros.messages.sensors import SENSORS, sensor_outputs, sensor_topics
 from are_ros.messages.tick_encoding import OUTPUTS, OutputTopic
@@ -77,13 +78,19 @@ Store = Callable[[WireMessage], None]
 class Subscriptions:
     """Subscribes to all inputs, each by its role; `store` gets each message.
 
-    The cloud's subscription follows its publishers: latched if they all latch, else not. An input
-    whose message package is not installed is left out, and `say` gets a sentence. Raises
-    ParameterError where an override of its QoS makes no sense.
+    `cameras` are the topics of `camera.others`. The cloud's subscription follows its publishers:
+    latched if they all latch, else not. An input whose message package is not installed is left
+    out, and `say` gets a sentence. Raises ParameterError where an override of its QoS makes no
+    sense.
     """
 
     def __init__(
-        self, node: Node, sensors: SensorsParameters, store: Store, say: Callable[[str], None]
+        self,
+        node: Node,
+        sensors: SensorsParameters,
+        cameras: Sequence[str],
+        store: Store,
+        say: Callable[[str], None],
     ) -> None:
         self.roles: dict[str, str] = {}
         self.watches: dict[str, InputWatch] = {}
@@ -92,6 +99,7 @@ class Subscriptions:
         self._subscriptions: dict[str, Any] = {}
         self._is_cloud_latched = True
         asked = [(role, "") for role in (*_ALWAYS, "clicked_point")]
+        asked += [(OTHER_CAMERA, topic) for topic in cameras]
         for kind in SENSORS.values():
             asked += [(kind.role, topic) for topic in kind.topics(sensors)]
         try:

@@ -239,6 +239,24 @@ class CameraParameters:
     rectified: bool = parameter(
         False, "The view is that of the rectified image (P), not of the raw one (K and D)."
     )
+    others: tuple[str, ...] = parameter(
+        (),
+        "Topics of the CameraInfo of further cameras on the robot; perceived is what any camera "
+        "sees.",
+    )
+    other_rates: tuple[float, ...] = parameter(
+        (10.0,),
+        "How often each of camera.others looks at most, on ticks; the last holds for all further.",
+        unit="Hz",
+        low=0.01,
+        high=1000.0,
+    )
+
+    @property
+    def rates(self) -> tuple[float, ...]:
+        """How often each camera looks, the robot's first [Hz]."""
+        rates, count = self.other_rates, len(self.others)
+        return (self.rate, *(rates + rates[-1:] * count)[:count])
 
 
 @dataclass(frozen=True)

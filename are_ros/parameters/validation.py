@@ -23,11 +23,13 @@ def validated(parameters: Parameters) -> Parameters:
 
     ParameterError, naming the parameters, unless world.free_threshold is below
     world.occupied_threshold, mixture.weights and mixture.rates are of one length, not 0, the
-    weights sum to 1 within 1e-6, camera.mount has six numbers, and frames.map is not empty.
+    weights sum to 1 within 1e-6, camera.mount has six numbers, camera.others are distinct,
+    camera.other_rates are at least one and not more than those, and frames.map is not empty.
     """
     _check_thresholds(parameters.world)
     _check_mixture(parameters.mixture)
     _check_mount(parameters.camera)
+    _check_cameras(parameters.camera)
     return replace(
         parameters,
         frames=_checked_frames(parameters.frames),
@@ -69,6 +71,19 @@ def _check_mount(camera: CameraParameters) -> None:
     if len(camera.mount) != len(_MOUNT):
         message = f"parameter 'camera.mount': {len(camera.mount)} numbers, not 6"
         raise ParameterError(f"{message} ({', '.join(_MOUNT)})")
+
+
+def _check_cameras(camera: CameraParameters) -> None:
+    topics, rates = [name.lstrip("/") for name in camera.others], camera.other_rates
+    if len(set(topics)) < len(topics) or "" in topics:
+        message = f"parameter 'camera.others': {list(camera.others)} has an empty or repeated topic"
+        raise ParameterError(message)
+    if not rates or len(rates) > max(1, len(topics)):
+        message = (
+            f"parameters 'camera.others' and 'camera.other_rates': {len(topics)} topics and "
+            f"{len(rates)} rates, but there is at least one rate, and no more than topics"
+        )
+        raise ParameterError(message)
 
 
 def _checked_frames(frames: FramesParameters) -> FramesParameters:

@@ -325,7 +325,7 @@ def _camera_problem(
     refused = _refused(replay, _TRANSFORM_ROLES)
     cause = f"; refused: {refused}" if refused else ""
     return (
-        f"the camera's pose is not known: {builder.robots.camera_missing}{cause}; "
+        f"the camera's pose is not known: {builder.camera_missing}{cause}; "
         "give it with --static-tf, or set camera.frame"
     )
 

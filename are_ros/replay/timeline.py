@@ -7,18 +7,20 @@ from typing import Final
 
 from are_ros.bag.clock import BagClock, Ints, RecordedTimes
 from are_ros.bag.reader import BagReader
-from are_ros.bag.roles import RolesFound
+from are_ros.bag.roles import RolesFound, slashed
 from are_ros.bag.stretches import Stretches, Window, scan_waits, stretches_of
 from are_ros.builder.assembly import parse_static_transform
 from are_ros.builder.tick import Demand
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
+from are_ros.messages.feed import OTHER_CAMERA
 from are_ros.messages.sensors import SENSORS, SensorKind
 from are_ros.parameters.model import Parameters, SensorsParameters
 from are_ros.wording import duration_text
 
-FED_BEFORE_START = ("map", "octomap_point_cloud_centers", "camera/camera_info", "tf", "tf_static")
-_READ_ROLES = (*FED_BEFORE_START, "odom", *SENSORS, "plan")
+_HELD: Final = ("map", "octomap_point_cloud_centers", "camera/camera_info", "tf", "tf_static")
+FED_BEFORE_START: Final = (*_HELD, OTHER_CAMERA)
+_READ_ROLES: Final = (*_HELD, "odom", *SENSORS, "plan")
 
 
 LATE_CAMERA_NS: Final = NS_PER_S
@@ -115,7 +117,20 @@ def topics_to_read(reader: BagReader, options: ReplayOptions, roles: RolesFound)
         if not kind.is_by_role(sensors):
             chosen = {topic: role for topic, role in chosen.items() if role != kind.role}
             chosen |= dict.fromkeys(_named_sensors(reader, kind, sensors), kind.role)
-    return chosen
+    return {**chosen, **dict.fromkeys(_other_cameras(reader, options), OTHER_CAMERA)}
+
+
+def _other_cameras(reader: BagReader, options: ReplayOptions) -> list[str]:
+    """Return the topics of `camera.others`, in their order; BagError where one is not there."""
+    names = [slashed(name) for name in options.parameters.camera.others]
+    infos = {t.name for t in reader.topics if t.type_name == "sensor_msgs/msg/CameraInfo"}
+    for name in names:
+        if name not in infos:
+            known = ", ".join(sorted(infos)) or "none"
+            raise BagError(
+                f"camera.others: the recording has no CameraInfo '{name}'; it has: {known}"
+            )
+    return names
 
 
 def _is_replaced(role: str, options: ReplayOptions) -> bool:

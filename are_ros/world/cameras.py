@@ -532,6 +532,11 @@ class Camera:
     frame_id: str
     base_from_optical: RigidTransform
 
+    @property
+    def name(self) -> str:
+        """What a sighting calls it: its optical frame, "camera" where it has none."""
+        return self.frame_id or "camera"
+
 
 @dataclass(frozen=True, eq=False)
 class Observer:

@@ -8,7 +8,14 @@ import pytest
 
 from are_ros.agents.events import EventKind
 from are_ros.agents.robots import RobotTracker
-from are_ros.builder.observation import CameraObserver, Observation, sight_events
+from are_ros.builder.observation import (
+    CameraObserver,
+    Observation,
+    Sighting,
+    Watch,
+    joined,
+    sight_events,
+)
 from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S
@@ -16,7 +23,13 @@ from are_ros.parameters.choices import Shape
 from are_ros.parameters.model import OcclusionParameters
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.population.catalogue import CatalogueRow
-from are_ros.world.cameras import Observer, PinholeView, mounted_camera
+from are_ros.world.cameras import (
+    FORWARD_FROM_OPTICAL,
+    Camera,
+    Observer,
+    PinholeView,
+    mounted_camera,
+)
 from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.footprint import Footprint
 from are_ros.world.occupancy_grid import classify
@@ -57,12 +70,18 @@ def standing(row: CatalogueRow, *places: tuple[float, float]) -> Scene:
     return Scene.of(artefacts, 0)
 
 
-def watch(rate_hz: float, tick_rate_hz: float = 10.0) -> tuple[CameraObserver, FrameTree]:
-    """Return a watch of a robot at (1, 2) since 0, and its frames."""
+def watches(*rates_hz: float, tick_rate_hz: float = 10.0) -> tuple[Watch, FrameTree]:
+    """Return the cameras of a robot at (1, 2) since 0, and its frames."""
     frames = FrameTree()
     frames.set_transform("map", "base_link", 0, (1.0, 2.0, 0.0), NO_TURN)
     robots = RobotTracker(Observer("robot", "", Footprint.disc(0.2)), frames, "map", 500 * MS)
-    return CameraObserver(robots, MeshBank(), rate_hz, tick_rate_hz), frames
+    return Watch(robots, MeshBank(), rates_hz, tick_rate_hz), frames
+
+
+def watch(rate_hz: float, tick_rate_hz: float = 10.0) -> tuple[CameraObserver, FrameTree]:
+    """Return the only camera of such a robot, and its frames."""
+    eyes, frames = watches(rate_hz, tick_rate_hz=tick_rate_hz)
+    return eyes.eyes[0], frames
 
 
 def test_a_look_tells_pose_and_sightings(post: CatalogueRow, environment: Environment) -> None:
@@ -79,7 +98,6 @@ def test_a_look_tells_pose_and_sightings(post: CatalogueRow, environment: Enviro
     focal_px, depth_m = 32.0, 1.3
     assert width == pytest.approx(0.4 / depth_m * focal_px, abs=1.01)
     assert y == pytest.approx(24.0 - 0.6 / depth_m * focal_px, abs=1.01)
-    assert seen.map_from_base is not None
     assert seen.map_from_camera is not None
     np.testing.assert_allclose(seen.map_from_camera.translation_m, (1.0, 2.0, 1.0))
     assert (seen.seen_ns, eye.looks) == (100, 1)
@@ -121,15 +139,16 @@ def test_without_a_pose_nothing_is_seen_and_no_look_is_counted(
     """Too old a pose is none."""
     eye, _ = watch(10.0)
     seen = eye.observe(501 * MS, CAMERA, environment, standing(post, (2.5, 2.0)), BOXES)
-    assert (seen.map_from_base, seen.map_from_camera) == (None, None)
+    assert seen.map_from_camera is None
     assert dict(seen.sightings) == {}
     assert eye.looks == 0
+    assert "0.501 s old" in eye.missing
 
 
 def test_standing_by_tells_only_where_the_robot_is() -> None:
     """No look, no camera."""
-    eye, _ = watch(10.0)
-    seen = eye.stand_by(100)
+    eyes, _ = watches(10.0)
+    seen = eyes.stand_by(100)
     assert seen.map_from_base is not None
     assert seen.map_from_camera is None
     assert dict(seen.sightings) == {}
@@ -145,12 +164,60 @@ def test_what_was_seen_can_be_forgotten(post: CatalogueRow, environment: Environ
     assert Observation().sightings == {}
 
 
+REAR = Camera(CAMERA.view, "rear", RigidTransform.identity())
+
+
+def test_what_several_cameras_see_is_one_list_that_says_which_saw_it(
+    post: CatalogueRow, environment: Environment
+) -> None:
+    """The one looks ahead, the other back, at a rate of its own; each keeps what it saw."""
+    eyes, frames = watches(10.0, 2.0)
+    turned = RigidTransform.planar(0.0, 0.0, np.pi, 1.0) @ FORWARD_FROM_OPTICAL
+    pose = turned.translation_m.tolist(), turned.rotation_xyzw.tolist()
+    frames.set_static("base_link", "rear", *pose)
+    both = standing(post, (2.5, 2.0), (0.4, 2.0))
+    first = eyes.observe(0, [CAMERA, REAR], environment, both, BOXES)
+    assert {i: one.cameras for i, one in first.sightings.items()} == {1: ("camera",), 2: ("rear",)}
+    assert [look.number for look in first.looks or ()] == [0, 1]
+    later = eyes.observe(100 * MS, [CAMERA, REAR], environment, both, BOXES)
+    assert [one.seen_ns for _, one in sorted(later.sightings.items())] == [100 * MS, 0]
+    assert [look.number for look in later.looks or ()] == [0]
+    gone = eyes.observe(200 * MS, [CAMERA, REAR], environment, both.only(frozenset({1})), BOXES)
+    assert list(gone.sightings) == [1]
+    assert (eyes.looks, eyes.missing) == (4, "")
+
+
+def test_a_camera_without_a_pose_or_a_camera_info_leaves_the_others_alone(
+    post: CatalogueRow, environment: Environment
+) -> None:
+    """The sentence names its frame."""
+    eyes, _ = watches(10.0, 10.0)
+    alone = standing(post, (2.5, 2.0))
+    assert list(eyes.observe(0, [CAMERA, None], environment, alone, BOXES).sightings) == [1]
+    assert eyes.missing == ""
+    assert list(eyes.observe(100 * MS, [CAMERA, REAR], environment, alone, BOXES).sightings) == [1]
+    assert "rear" in eyes.missing
+    assert eyes.observe(200 * MS, [None, REAR], environment, alone, BOXES).map_from_camera is None
+
+
+def test_the_camera_that_sees_more_tells_the_numbers() -> None:
+    """With equal numbers the first one does."""
+    one, other = (
+        Sighting(5, 9, (0, 0, 3, 3), 2.0, 7, ("a",)),
+        Sighting(6, 9, (1, 1, 3, 3), 3.0, 8, ("b",)),
+    )
+    assert joined(one, other) == Sighting(6, 9, (1, 1, 3, 3), 3.0, 8, ("b", "a"))
+    assert joined(other, one) == joined(one, other)
+    same = Sighting(5, 9, (2, 2, 3, 3), 2.5, 9, ("c",))
+    assert joined(one, same) == Sighting(5, 9, (0, 0, 3, 3), 2.0, 7, ("a", "c"))
+
+
 def look(
     environment: Environment, scene: Scene, settings: OcclusionParameters, eye: CameraObserver
 ) -> list[int]:
     """Return who is perceived from (1, 2)."""
     pose = RigidTransform.planar(1.0, 2.0, 0.0) @ CAMERA.base_from_optical
-    return list(eye.look(CAMERA, pose, environment, scene, settings))
+    return list(eye.look(0, CAMERA, pose, environment, scene, settings))
 
 
 def test_the_newest_environment_and_settings_count(

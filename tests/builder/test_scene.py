@@ -121,12 +121,13 @@ def test_who_turns_away_and_back_moves_where_it_is_as_before(row: CatalogueRow) 
 def test_what_is_perceived_holds_no_uncertainty_of_its_own(row: CatalogueRow) -> None:
     """One class, certain; the fraction is visible over unoccluded pixels."""
     state = artefact_state(an_artefact(row), 500)
-    seen = perceived_artefact(state, Sighting(30, 120, (4, 5, 6, 7), 2.5), 450)
+    seen = perceived_artefact(state, Sighting(30, 120, (4, 5, 6, 7), 2.5, 450, ("eye",)))
     assert (seen.artefact_id, seen.label) == (7, "crate")
     assert (seen.classes, seen.probabilities, seen.existence) == (("thing",), (1.0,), 1.0)
     assert (seen.visible_pixels, seen.unoccluded_pixels) == (30, 120)
     assert seen.visible_fraction == 0.25
     assert (seen.roi_px, seen.range_m, seen.last_seen_ns) == ((4, 5, 6, 7), 2.5, 450)
+    assert seen.cameras == ("eye",)
     assert set(seen.pose_covariance) == set(seen.twist_covariance) == {0.0}
     assert seen.map_from_artefact is state.map_from_artefact
     assert not hasattr(seen, "departure_ns")

@@ -100,6 +100,7 @@ def make_perceived_artefact(factory: RosbagsFactory, artefact: PerceivedArtefact
             "sensor_msgs/msg/RegionOfInterest", x_offset=x, y_offset=y, height=height, width=width
         ),
         last_seen=make_time(factory, artefact.last_seen_ns),
+        cameras=list(artefact.cameras),
     )
 
 

@@ -235,7 +235,7 @@ def test_a_turn_is_named_after_what_was_done_in_it(make_rig: MakeRig) -> None:
         return next(iter(rig.live.busy.figures(1)))
 
     def buffer() -> object:
-        return rig.live.builder._watch._buffer
+        return rig.live.builder._watch.eyes[0]._buffer
 
     rig.store("tf", robot_at(10.0), 10.01)
     assert name_of_turn(10.01) == "inputs"

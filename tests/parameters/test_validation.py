@@ -64,3 +64,20 @@ def test_frames_lose_their_leading_slashes() -> None:
     expected = {**flatten(given), **{path: name.lstrip("/") for path, name in names.items()}}
     assert flatten(validated(given)) == expected
     assert given.frames.map == "/map"
+
+
+@pytest.mark.parametrize(
+    ("values", "reason"),
+    [
+        ({"camera.others": ["rear", "/rear"]}, "an empty or repeated topic"),
+        ({"camera.others": [""]}, "an empty or repeated topic"),
+        ({"camera.others": ["a", "b"], "camera.other_rates": []}, "2 topics and 0 rates"),
+        ({"camera.other_rates": [5.0, 4.0]}, "0 topics and 2 rates"),
+    ],
+)
+def test_further_cameras_are_distinct_and_have_rates(values: dict[str, Any], reason: str) -> None:
+    """One each, or the last for the rest."""
+    with pytest.raises(ParameterError, match=reason):
+        validated(with_values(Parameters(), values))
+    several = {"camera.others": ["a", "b", "c"], "camera.other_rates": [4.0, 2.0]}
+    assert validated(with_values(Parameters(), several)).camera.rates == (10.0, 4.0, 2.0, 2.0)

@@ -48,7 +48,8 @@ def _tick(
     base: RigidTransform | None = None,
 ) -> Tick:
     scene = Scene.of(artefacts, stamp_ns)
-    observation = Observation(base, base, dict.fromkeys(seen, SEEN), stamp_ns)
+    sighting = replace(SEEN, seen_ns=stamp_ns)
+    observation = Observation(base, base, dict.fromkeys(seen, sighting))
     clutter = 0.25 * len(scene)
     metrics = SceneMetrics(len(scene), len(seen), 2, 0, 0, 0, 0, 10.0, clutter, math.nan)
     return Tick(

@@ -1,7 +1,7 @@
 """A detector and a tracker over what the camera could see: `Detector.observe`, tick by tick."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 import numpy as np
@@ -15,7 +15,7 @@ from are_ros.builder.certainty.prediction import predicted_paths
 from are_ros.builder.certainty.track import Track
 from are_ros.builder.certainty.tracking_error import Floats, Process, TrackingError
 from are_ros.builder.certainty.view import View
-from are_ros.builder.observation import Sighting
+from are_ros.builder.observation import Sighting, joined
 from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.parameters.model import CertaintyParameters, Parameters
@@ -55,22 +55,16 @@ class Detector:
         self._delay = Delay()
         self._now_ns: int | None = None
 
-    def observe(
-        self,
-        now_ns: int,
-        scene: Scene,
-        sightings: Mapping[int, Sighting] | None,
-        view: View | None,
-    ) -> Perception:
+    def observe(self, now_ns: int, scene: Scene, views: Sequence[View] | None) -> Perception:
         """Return the list of a tick: as things were `certainty.latency` ago.
 
-        `sightings` are those of A_f at a look of this tick, None between looks. `view` is what the
-        camera looks at, None where its pose is not known: then nothing can be detected.
+        `views` is what the cameras see whose time to look it is, None if it is no camera's. Those
+        whose pose is not known are left out: they can detect nothing.
         """
         self._follow(now_ns, scene)
-        if sightings is not None and view is not None:
-            self._look(now_ns, scene, sightings, view)
-        self._give_up(now_ns, is_look=sightings is not None)
+        for view in views or ():
+            self._look(now_ns, scene, view)
+        self._give_up(now_ns, is_look=views is not None)
         self._streams.keep({*scene.ids.tolist(), *self._tracks})
         latency_ns = seconds_to_ns(self._settings.latency)
         return self._delay.passed(self._perception(now_ns), latency_ns)
@@ -86,7 +80,9 @@ class Detector:
 
     @property
     def _look_period_s(self) -> float:
-        return 1.0 / min(self.parameters.camera.rate, self.parameters.builder.tick_rate)
+        """The longest time between two looks of a camera."""
+        slowest_hz = min(self.parameters.camera.rates, default=math.inf)
+        return 1.0 / min(slowest_hz, self.parameters.builder.tick_rate)
 
     def _follow(self, now_ns: int, scene: Scene) -> None:
         """Carry all tracks on to `now_ns`."""
@@ -103,16 +99,14 @@ class Detector:
             else:
                 track.body = track.body.coasted(now_ns)
 
-    def _look(
-        self, now_ns: int, scene: Scene, sightings: Mapping[int, Sighting], view: View
-    ) -> None:
+    def _look(self, now_ns: int, scene: Scene, view: View) -> None:
         """Detect, or miss, everything that is there or is believed to be there."""
         places = {number: k for k, number in enumerate(scene.ids.tolist())}
-        seen = {**sightings, **self._imagined(places, view)}
+        seen = {**view.sightings, **self._imagined(places, view)}
         for number in sorted(seen):
             body = Body.of_scene(scene, places[number], now_ns) if number in places else None
             self._meet(now_ns, number, body, seen[number], view)
-        for alarm in self._false_alarms.begin(now_ns, self._look_period_s, self._settings, view):
+        for alarm in self._false_alarms.begin(now_ns, self._settings, view):
             self._begin_false_alarm(now_ns, alarm, view)
 
     def _meet(
@@ -165,7 +159,9 @@ class Detector:
 
     def _take(self, track: Track, now_ns: int, sighting: Sighting) -> None:
         """Note a detection, and look at the class if it is time."""
-        track.sighting, track.seen_ns = sighting, now_ns
+        is_first = track.seen_ns != now_ns  # else another camera has detected it just now
+        track.sighting = sighting if is_first else joined(track.sighting, sighting)
+        track.seen_ns = now_ns
         wait_ns = seconds_to_ns(self._settings.class_time)
         if track.classified_ns is None or now_ns - track.classified_ns >= wait_ns:
             track.classified_ns = now_ns
@@ -181,7 +177,8 @@ class Detector:
 
     def _give_up(self, now_ns: int, *, is_look: bool) -> None:
         """Drop the tracks that were not detected for too long, or hardly exist."""
-        patience_s = self._settings.coast + (0.0 if is_look else self._look_period_s)
+        have_all_looked = is_look and not self.parameters.camera.others
+        patience_s = self._settings.coast + (0.0 if have_all_looked else self._look_period_s)
         oldest_ns = now_ns - seconds_to_ns(patience_s)
         self._tracks = {
             number: track

@@ -48,14 +48,9 @@ class FalseAlarms:
         self._numbers = generator(seed, Purpose.FALSE_ALARM, 0)
         self._next_id = FIRST_ID
 
-    def begin(
-        self, now_ns: int, period_s: float, settings: CertaintyParameters, view: View
-    ) -> list[FalseAlarm]:
-        """Return those that begin at a look; looks are `period_s` apart.
-
-        Where the camera sees no free place, there are none.
-        """
-        count = int(self._numbers.poisson(settings.false_alarm_rate * period_s))
+    def begin(self, now_ns: int, settings: CertaintyParameters, view: View) -> list[FalseAlarm]:
+        """Return those that begin at a look; none where the camera sees no free place."""
+        count = int(self._numbers.poisson(settings.false_alarm_rate * view.period_s))
         ids = range(self._next_id, self._next_id + count)
         self._next_id += count
         begun = (self._begin(number, now_ns, settings.false_alarm_life, view) for number in ids)

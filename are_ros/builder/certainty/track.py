@@ -77,6 +77,7 @@ class Track:
             existence=self.existence.artefact,
             roi_px=sighting.roi_px,
             last_seen_ns=self.seen_ns,
+            cameras=sighting.cameras,
         )
 
 

@@ -1,5 +1,6 @@
 """The lists of the perceived: each sighting by itself, and the events that tell of changes."""
 
+from collections.abc import Sequence
 from typing import Final
 
 from are_ros.bag.decoded import LOST, PERCEIVED, Event, Scene, Sighting
@@ -31,8 +32,7 @@ def check_perceived(record: Record) -> CheckResult:
         if record.is_live and at_ns not in alive:
             tally.leave_out("message", "without a list of the living")
             continue
-        sizes = _image_sizes(record, at_ns)
-        if not sizes:
+        if not _image_sizes(record, at_ns, ()):
             hint = "without its CameraInfo" if record.is_live else "without --with-inputs"
             tally.note(f"the size of the camera's image is not known {hint}")
         before = -1
@@ -42,7 +42,7 @@ def check_perceived(record: Record) -> CheckResult:
                 _id_fault(one.artefact_id, alive.get(at_ns, set()), ever, record),
                 "is not listed in the order of ids" if one.artefact_id <= before else "",
                 _sighting_fault(one, record.parameters.occlusion.tau, message.stamp_ns),
-                _roi_fault(one.roi, sizes),
+                _roi_fault(one.roi, _image_sizes(record, at_ns, one.cameras)),
             ]
             before = one.artefact_id
             for fault in filter(None, faults):
@@ -79,9 +79,20 @@ def _sighting_fault(one: Sighting, tau: int, stamp_ns: int) -> str:
     return "was last seen in the future" if one.last_seen_ns > stamp_ns else ""
 
 
-def _image_sizes(record: Record, at_ns: int) -> list[tuple[int, int]]:
-    """Return the sizes (width, height) that the image may have; none where nothing tells them."""
+def _image_sizes(record: Record, at_ns: int, cameras: Sequence[str]) -> list[tuple[int, int]]:
+    """Return the sizes (width, height) that the image may have; none where nothing tells them.
+
+    With several cameras it is that of the first of `cameras`, the names of those that saw it.
+    """
     camera = record.settings.camera
+    if camera.others:
+        infos = [
+            image
+            for image in record.images
+            if image.message.header.frame_id.lstrip("/") in cameras[:1] or not cameras
+        ]
+        own = [] if camera.model is CameraModel.AUTO else [(camera.width, camera.height)]
+        return own + sorted({(image.width, image.height) for image in infos})
     if camera.model is not CameraModel.AUTO:
         return [(camera.width, camera.height)]
     if record.is_live:  # a CameraInfo came a little before or after it was recorded

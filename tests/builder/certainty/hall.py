@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -118,17 +119,23 @@ def view(
     imagine: Callable[[OrientedBoxes], Sequence[Sighting | None]] | None = None,
     environment: Environment | None = None,
     max_range_m: float = 30.0,
+    period_s: float = 0.1,
 ) -> View:
     """Return a view from the origin that sees every box wholly, unless told otherwise."""
     everything = imagine or (lambda boxes: [sight()] * len(boxes))
-    return View(environment or room(), everything, np.zeros(2), max_range_m)
+    return View(environment or room(), everything, np.zeros(2), max_range_m, period_s)
 
 
 VIEW = view()
+
+
+def seeing(sightings: Mapping[int, Sighting], view_: View = VIEW) -> list[View]:
+    """Return the look of the only camera."""
+    return [replace(view_, sightings=sightings)]
 
 
 def look(
     eye: Detector, artefacts: Sequence[Artefact], t_s: float, fraction: float = 1.0
 ) -> Perception:
     """Look at all of them at once."""
-    return eye.observe(ns(t_s), scene(artefacts, t_s), sights(artefacts, fraction), VIEW)
+    return eye.observe(ns(t_s), scene(artefacts, t_s), seeing(sights(artefacts, fraction)))

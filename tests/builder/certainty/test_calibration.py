@@ -1,6 +1,7 @@
 """A world of artefacts that come, hide and go: of what is said to exist, the said share does."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -12,7 +13,7 @@ from are_ros.builder.certainty.view import View
 from are_ros.builder.observation import Sighting
 from are_ros.population.artefact import Artefact
 from are_ros.world.boxes import OrientedBoxes
-from tests.builder.certainty.hall import detector, ns, room, scene, sight, view, walkers
+from tests.builder.certainty.hall import detector, ns, room, scene, seeing, sight, view, walkers
 
 ROOM = room()
 MEAN_LIFE_S = 8.0
@@ -74,7 +75,9 @@ def told(rate_hz: float) -> Iterator[Said]:
         now = scene([one for one, _ in alive.values()], t_s)
         found = zip(now.ids.tolist(), view_at(t_s).imagine(now.boxes), strict=True)
         seen = {i: one for i, one in found if one is not None}
-        perception = eye.observe(ns(t_s), now, seen, view_at(t_s))
+        perception = eye.observe(
+            ns(t_s), now, seeing(seen, replace(view_at(t_s), period_s=1.0 / rate_hz))
+        )
         if k % round(2 * rate_hz) == 0:
             for each in perception.artefacts:
                 classes = dict(zip(each.classes, each.probabilities, strict=True))

@@ -9,7 +9,7 @@ from scipy.stats import binomtest
 from are_ros.builder.certainty.detection import detection_noise, detection_probability
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import CertaintyParameters
-from tests.builder.certainty.hall import VIEW, detector, ns, scene, sights, walkers
+from tests.builder.certainty.hall import detector, ns, scene, seeing, sights, walkers
 
 GOOD = CertaintyParameters()
 LEVEL = 1e-4
@@ -53,7 +53,7 @@ def test_looks_detect_as_the_curve_says(rate_hz: int, fraction: float, range_m: 
     found = 0
     for k in range(looks):
         t_s = k / rate_hz
-        seen = eye.observe(ns(t_s), scene(crowd, t_s), sights(crowd, fraction, range_m), VIEW)
+        seen = eye.observe(ns(t_s), scene(crowd, t_s), seeing(sights(crowd, fraction, range_m)))
         found += sum(one.last_seen_ns == ns(t_s) for one in seen.artefacts)
     wanted = detection_probability(GOOD, fraction, range_m)
     assert binomtest(found, looks * len(crowd), wanted).pvalue > LEVEL

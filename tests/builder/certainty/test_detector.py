@@ -9,7 +9,7 @@ from are_ros.agents.events import PerceivedArtefact
 from are_ros.builder.certainty.perception import Perception
 from are_ros.builder.certainty.tracking_error import Process
 from are_ros.population.artefact import Artefact
-from tests.builder.certainty.hall import VIEW, detector, look, ns, scene, sights, walkers
+from tests.builder.certainty.hall import detector, look, ns, scene, seeing, sights, walkers
 
 PERFECT = {
     "certainty.detection": 1.0,
@@ -96,7 +96,7 @@ def test_no_list_is_of_before_the_beginning_of_time() -> None:
     """Where a clock begins at 0, the first lists are of 0, and empty."""
     eye = detector({**PERFECT, "certainty.latency": 0.3})
     empty = scene((), 0.0)
-    stamps = [eye.observe(k * 10**8, empty, {}, VIEW).stamp_ns for k in range(6)]
+    stamps = [eye.observe(k * 10**8, empty, seeing({})).stamp_ns for k in range(6)]
     assert stamps == [0, 0, 0, 0, 10**8, 2 * 10**8]
 
 
@@ -107,12 +107,12 @@ def test_a_track_coasts_and_is_given_up() -> None:
     (before,) = look(eye, crowd, 0.0).artefacts
     variance = before.pose_covariance[0]
     for k in range(1, 11):
-        seen = eye.observe(ns(0.1 * k), scene(crowd, 0.1 * k), {}, VIEW)
+        seen = eye.observe(ns(0.1 * k), scene(crowd, 0.1 * k), seeing({}))
         (one,) = seen.artefacts
         assert one.last_seen_ns == ns(0.0)
         assert one.pose_covariance[0] > variance
         variance = one.pose_covariance[0]
-    assert eye.observe(ns(1.1), scene(crowd, 1.1), {}, VIEW).artefacts == ()
+    assert eye.observe(ns(1.1), scene(crowd, 1.1), seeing({})).artefacts == ()
 
 
 def test_between_looks_it_predicts() -> None:
@@ -121,8 +121,8 @@ def test_between_looks_it_predicts() -> None:
     crowd, eye = walkers(1), detector({**values, "certainty.half_fraction": 0.0})
     spreads = []
     for k in range(10):
-        seen = sights(crowd) if k % 5 == 0 else None
-        (one,) = eye.observe(ns(0.1 * k), scene(crowd, 0.1 * k), seen, VIEW).artefacts
+        seen = seeing(sights(crowd)) if k % 5 == 0 else None
+        (one,) = eye.observe(ns(0.1 * k), scene(crowd, 0.1 * k), seen).artefacts
         spreads.append(one.pose_covariance[0])
     assert all(np.diff(spreads)[[0, 1, 2, 3, 5, 6, 7, 8]] > 0.0)
     assert spreads[5] < spreads[4]
@@ -135,7 +135,9 @@ def test_the_departed_is_missed_and_forgotten() -> None:
         look(eye, crowd, 0.1 * k)
     told = []
     for k in range(5, 15):
-        told += [o.existence for o in eye.observe(ns(0.1 * k), scene((), 0.0), {}, VIEW).artefacts]
+        told += [
+            o.existence for o in eye.observe(ns(0.1 * k), scene((), 0.0), seeing({})).artefacts
+        ]
     assert 2 < len(told) < 10
     assert all(np.diff(told) < 0.0)
 

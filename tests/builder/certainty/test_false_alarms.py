@@ -3,6 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import chain
 from typing import Any
 
@@ -24,6 +25,7 @@ from tests.builder.certainty.hall import (
     detector,
     ns,
     scene,
+    seeing,
     sight,
     sights,
     view,
@@ -38,9 +40,10 @@ def alarms(
     looks: int, period_s: float, view_: View = VIEW, seed: int = 7, **values: Any
 ) -> list[list[FalseAlarm]]:
     """Return the false alarms that begin at each of some looks."""
+    view_ = replace(view_, period_s=period_s)
     settings, source = CertaintyParameters(**values), FalseAlarms(seed, CATALOGUE.rows, LAW)
     return [
-        source.begin(START_NS + round(k * period_s * NS_PER_S), period_s, settings, view_)
+        source.begin(START_NS + round(k * period_s * NS_PER_S), settings, view_)
         for k in range(looks)
     ]
 
@@ -107,7 +110,7 @@ def test_the_detector_tracks_them_as_it_tracks_others_and_they_die() -> None:
     told: dict[int, list[float]] = {}
     for k in range(1_000):
         here = crowd[k // 5 : k // 5 + 1]
-        seen = eye.observe(ns(0.1 * k), scene(here, 0.1 * k), sights(here), VIEW)
+        seen = eye.observe(ns(0.1 * k), scene(here, 0.1 * k), seeing(sights(here)))
         for one in seen.artefacts:
             told.setdefault(one.artefact_id, []).append(one.existence)
     false = [values for number, values in told.items() if number >= FIRST_ID]

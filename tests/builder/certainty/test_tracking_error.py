@@ -12,7 +12,7 @@ from are_ros.builder.certainty.tracking_error import Process, TrackingError
 from are_ros.builder.scene import Scene
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import CertaintyParameters
-from tests.builder.certainty.hall import VIEW, detector, ns, scene, sight, walkers
+from tests.builder.certainty.hall import detector, ns, scene, seeing, sight, walkers
 
 LEVEL = 1e-3
 SETTINGS = CertaintyParameters(acceleration=0.8, turn_acceleration=0.3)
@@ -59,7 +59,7 @@ def test_errors_of_10000_sightings_follow_chi_square() -> None:
         fractions, ranges_m = random.uniform(0.1, 1.0, 10_000), random.uniform(0.5, 14.0, 10_000)
         both = zip(crowd, fractions, ranges_m, strict=True)
         seen = {one.id: sight(fraction, range_m) for one, fraction, range_m in both}
-        perception = eye.observe(ns(t_s), truth, seen, VIEW)
+        perception = eye.observe(ns(t_s), truth, seeing(seen))
     places = {number: k for k, number in enumerate(truth.ids.tolist())}
     found = [squares(one, truth, places[one.artefact_id]) for one in perception.artefacts]
     assert len(found) > 9_000
