@@ -1,4 +1,4 @@
-"""Several cameras on one robot: a replay of the sample with a second one that looks to the left."""
+"""Several cameras on one robot: a replay of the sample with a second one that looks to the right."""
 
 import copy
 import json
@@ -9,14 +9,14 @@ import pytest
 from are_ros.bag.recording import Recording, find_recording
 from tests.replay.conftest import Records, RunAre, WriteBag
 
-LEFT = (
-    "0 0.2 0.8 1.2 0 0 base_link left_link",
-    "0 0 0 -1.57079633 0 -1.57079633 left_link left_optical",
+RIGHT = (
+    "0 -0.2 0.8 -1.2 0 0 base_link right_link",
+    "0 0 0 -1.57079633 0 -1.57079633 right_link right_optical",
 )
 CROWD = ("--set", "population.arrival_rate:=0.06", "--set", "population.mean_life:=4", "--seed", 3)
 TWO = (
-    *("--set", f"frames.static:={json.dumps(LEFT)}"),
-    *("--set", "camera.others:=[left/camera_info]", "--set", "camera.other_rates:=[5.0]"),
+    *("--set", f"frames.static:={json.dumps(RIGHT)}"),
+    *("--set", "camera.others:=[right/camera_info]", "--set", "camera.other_rates:=[5.0]"),
 )
 
 
@@ -24,13 +24,13 @@ TWO = (
 def bag(
     tmp_path_factory: pytest.TempPathFactory, sample_records: Records, write_bag: WriteBag
 ) -> Path:
-    """Return the sample with a camera that looks to the left, on /left/camera_info."""
+    """Return the sample with a camera that looks to the right, on /right/camera_info."""
     added = []
     for topic, at_ns, message in sample_records:
         if topic == "/camera/camera_info":
-            rear = copy.deepcopy(message)
-            rear.header.frame_id = "left_optical"
-            added.append(("/left/camera_info", at_ns, rear))
+            info = copy.deepcopy(message)
+            info.header.frame_id = "right_optical"
+            added.append(("/right/camera_info", at_ns, info))
     records = sorted([*sample_records, *added], key=lambda record: record[1])
     return write_bag(tmp_path_factory.mktemp("two") / "two.mcap", records)
 
@@ -47,9 +47,9 @@ def test_perceived_is_what_either_camera_sees_and_the_check_knows_their_images(
         with Recording(find_recording(out)) as recording:
             lists = [recording.decode(m) for m in recording.messages({"/ar_builder/perceived"})]
         seen[name] = {(at.stamp_ns, one.artefact_id): one for at in lists for one in at.sightings}
-    front = {key: one for key, one in seen["two"].items() if "left_optical" not in one.cameras}
+    front = {key: one for key, one in seen["two"].items() if "right_optical" not in one.cameras}
     both = {one.cameras for one in seen["two"].values()}
-    assert ("left_optical",) in both
+    assert ("right_optical",) in both
     assert len(seen["one"]) > 20
     assert front == seen["one"]
     checked = run_are("check", tmp_path / "two")
@@ -58,7 +58,7 @@ def test_perceived_is_what_either_camera_sees_and_the_check_knows_their_images(
 
 def test_a_camera_that_is_not_recorded_is_named(bag: Path, run_are: RunAre, tmp_path: Path) -> None:
     """In a sentence, with those that are."""
-    how = ("--set", "camera.others:=[right/camera_info]", "--out", tmp_path / "none")
+    how = ("--set", "camera.others:=[left/camera_info]", "--out", tmp_path / "none")
     done = run_are("replay", bag, *how)
     assert done.returncode != 0
-    assert "no CameraInfo '/right/camera_info'; it has: /camera/camera_info" in done.stderr
+    assert "no CameraInfo '/left/camera_info'; it has: /camera/camera_info" in done.stderr
