@@ -226,8 +226,29 @@ def view(
     "--at", "at_s", type=SECONDS, help="Time of the scene, from the first tick on. [last]"
 )
 @octomap_option
+@click.option(
+    "--tracks",
+    metavar="FOLDER",
+    type=FILE,
+    help="The tracks of all artefacts and of the robot: tracks.csv, and TUM's format.",
+)
+@click.option(
+    "--kitti",
+    metavar="FOLDER",
+    type=FILE,
+    help="Augmented clouds with labelled boxes and calibration, as KITTI has them.",
+)
+@click.option(
+    "--cloud", default="", metavar="TOPIC", help="The cloud for --kitti, if there are several."
+)
 def export(
-    recording: Path, mesh: Path | None, at_s: float | None, octomap_file: Path | None
+    recording: Path,
+    mesh: Path | None,
+    at_s: float | None,
+    octomap_file: Path | None,
+    tracks: Path | None,
+    kitti: Path | None,
+    cloud: str,
 ) -> None:
     """Write what a recording holds into files of other programs.
 
@@ -238,12 +259,18 @@ def export(
     walls of the map), its floor, and the artefacts where they were, coloured by class. Lengths are
     metres. A PLY is one mesh in the map's frame, z up. In a GLB each artefact is a node, named by
     its label and id; y is up, as its standard says.
-    """
-    if mesh is None:
-        raise click.UsageError("Nothing to write: give --mesh FILE.glb or --mesh FILE.ply")
-    from are_ros.export.command import MeshOptions, export_mesh
 
-    export_mesh(say, MeshOptions(recording, mesh, at_s, octomap_file))
+    With --tracks where all artefacts and the robot were, tick by tick: a table of all, tracks.csv,
+    and a file for each in tum/. With --kitti each augmented cloud with the boxes of the artefacts
+    that were perceived, and what joins cloud and camera (docs/data_sets.md).
+    """
+    if mesh is None and tracks is None and kitti is None:
+        raise click.UsageError("Nothing to write: give --mesh FILE.glb, --tracks or --kitti FOLDER")
+    from are_ros.export.command import MeshOptions, export_mesh, export_sets
+
+    if mesh is not None:
+        export_mesh(say, MeshOptions(recording, mesh, at_s, octomap_file))
+    export_sets(say, recording, tracks, kitti, cloud)
 
 
 # The command of `are` that fits the mixture of Eq. 1 to observed rows.

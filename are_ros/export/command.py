@@ -11,7 +11,9 @@ from are_ros.bag.recording import find_recording, walls_of
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import Moment, SceneRecord
 from are_ros.errors import BagError, InputError, MapError
+from are_ros.export.kitti import export_kitti
 from are_ros.export.scene_mesh import ENVIRONMENT, scene_parts, write_scene, writer_of
+from are_ros.export.tracks import export_tracks
 from are_ros.parameters.model import WorldParameters
 from are_ros.replay.pictures import place_of
 from are_ros.replay.progress import ProgressBar
@@ -64,6 +66,26 @@ def export_mesh(say: Say, options: MeshOptions) -> None:
     )
     for problem in _problems(options.recording, scene):
         say(problem)
+
+
+def export_sets(
+    say: Say, recording: Path, tracks: Path | None, kitti: Path | None, cloud: str = ""
+) -> None:
+    """Write the data sets that are asked for, and say what they are. Raises AreError.
+
+    `cloud` names the topic of the augmented cloud, empty where there is one only.
+    """
+    for folder in filter(None, (tracks, kitti)):
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise BagError(f"{folder}: it is there already, and not empty")
+    if tracks is not None:
+        with ProgressBar("tracks") as bar:
+            sentence = export_tracks(recording, tracks, bar.open)
+        say(sentence)
+    if kitti is not None:
+        with ProgressBar("kitti") as bar:
+            sentence = export_kitti(recording, kitti, cloud, bar.open)
+        say(sentence)
 
 
 def moment_at(record: SceneRecord, at_s: float | None) -> Moment:

@@ -1,5 +1,21 @@
 """Fixtures of the tests of `are export`: those of the replay's tests."""
 
-from tests.replay.conftest import replay_sample, run_are, sample_bag, sample_replay
+from tests.replay.conftest import (
+    factory,
+    replay_sample,
+    run_are,
+    sample_bag,
+    sample_records,
+    sample_replay,
+    write_bag,
+)
 
-__all__ = ("replay_sample", "run_are", "sample_bag", "sample_replay")
+__all__ = (
+    "factory",
+    "replay_sample",
+    "run_are",
+    "sample_bag",
+    "sample_records",
+    "sample_replay",
+    "write_bag",
+)

@@ -1,4 +1,4 @@
-"""Several cameras on one robot: a replay of the sample with a second one that looks to the right."""
+"""Several cameras on one robot: the sample with a second one that looks to the right."""
 
 import copy
 import json

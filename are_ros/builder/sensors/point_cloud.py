@@ -129,6 +129,12 @@ class PointCloud:
         dtype = np.result_type(*(values.dtype.newbyteorder("=") for values in stored))
         return np.stack([values.ravel().astype(dtype) for values in stored], axis=1)
 
+    def column(self, names: Sequence[str]) -> npt.NDArray[np.float64] | None:
+        """Return the numbers (H * W,) of the first field that has one of the names, if any has."""
+        columns = self._columns(self.data, self.width)
+        found = _names(columns, names)
+        return columns[found[0]].ravel().astype(np.float64) if found else None
+
     def augmented(self, map_from_sensor: RigidTransform, obstacles: Obstacles) -> "PointCloud":
         """Return the cloud with points on the artefacts where they are nearer than what came back.
 

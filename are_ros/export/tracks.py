@@ -1,0 +1,94 @@
+"""The tracks of all artefacts and of the robot: one table, and a file of each in TUM's format."""
+
+import csv
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import BagError
+from are_ros.export.truth import OpenProgress, TrueTick, TruthReader
+from are_ros.wording import counted, why_refused
+
+TABLE, TUM, ROBOT = "tracks.csv", "tum", "robot.txt"
+COLUMNS: Final = (
+    *("stamp_ns", "id", "label", "class"),
+    *("x", "y", "z", "qx", "qy", "qz", "qw"),
+    *("vx", "vy", "wz", "length", "width", "height"),
+    *("behaviour", "activity", "perceived", "visible_fraction", "cameras"),
+)
+"""Poses of F_A in the map's frame [m]; velocities [m/s, rad/s] and sizes [m] along F_A's axes."""
+
+
+def export_tracks(recording: Path, folder: Path, open_progress: OpenProgress) -> str:
+    """Write the tracks into a new or empty folder, and return a sentence about them.
+
+    Raises BagError where the recording has no ground truth, or the folder cannot be written.
+    """
+    reader = TruthReader(recording)
+    try:
+        (folder / TUM).mkdir(parents=True, exist_ok=True)
+        with (folder / TABLE).open("w", newline="", encoding="utf-8") as file:
+            ids, ticks, poses = _write(reader, csv.writer(file), folder / TUM, open_progress)
+    except OSError as cause:
+        raise BagError(f"--tracks {folder}: {why_refused(cause)}") from cause
+    robot = f"the robot at {counted(poses, 'tick')}" if poses else "no pose of the robot"
+    return f"tracks: {folder} ({counted(ids, 'artefact')}, {counted(ticks, 'tick')}; {robot})"
+
+
+def _write(
+    reader: TruthReader, table: Any, tum: Path, open_progress: OpenProgress
+) -> tuple[int, int, int]:
+    """Write table and files; return the numbers of artefacts, of ticks, and of robot's poses."""
+    table.writerow(COLUMNS)
+    lines: dict[tuple[int, str], list[str]] = {}
+    robot: list[str] = []
+    count = ticks = 0
+    for tick in reader.read(open_progress, {}):
+        ticks += 1
+        table.writerows(_rows(tick))
+        scene = tick.scene
+        alive = list(zip(scene.ids.tolist(), scene.labels, strict=True))
+        for key in [key for key in lines if key not in set(alive)]:
+            count += _save(tum, key, lines.pop(key))
+        for key, pose in zip(alive, scene.poses.tolist(), strict=True):
+            lines.setdefault(key, []).append(_tum_line(scene.stamp_ns, pose))
+        if (base := tick.map_from_base) is not None:
+            numbers = (*base.translation_m.tolist(), *base.rotation_xyzw.tolist())
+            robot.append(_tum_line(scene.stamp_ns, numbers))
+    for key in list(lines):
+        count += _save(tum, key, lines.pop(key))
+    (tum / ROBOT).write_text("".join(robot), encoding="utf-8")
+    return count, ticks, len(robot)
+
+
+def _rows(tick: TrueTick) -> list[list[Any]]:
+    scene, rows = tick.scene, []
+    for k, number in enumerate(scene.ids.tolist()):
+        seen = tick.sightings.get(number)
+        twist = scene.twists[k, (0, 1, 5)].tolist()
+        numbers = (*scene.poses[k].tolist(), *twist, *(2.0 * scene.half_sizes_m[k]).tolist())
+        rows.append(
+            [
+                *(scene.stamp_ns, number, scene.labels[k], scene.classes[k]),
+                *(f"{value:.9g}" for value in numbers),
+                *(scene.behaviours[k], scene.activities[k], int(seen is not None)),
+                "" if seen is None else f"{seen.visible_fraction:.6g}",
+                "" if seen is None else " ".join(seen.cameras),
+            ]
+        )
+    return rows
+
+
+def _tum_line(stamp_ns: int, pose: Sequence[float]) -> str:
+    seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
+    return " ".join((f"{seconds}.{nanoseconds:09d}", *(f"{value:.9g}" for value in pose))) + "\n"
+
+
+def _save(tum: Path, key: tuple[int, str], lines: list[str]) -> int:
+    number, label = key
+    name = re.sub(r"[^\w.-]", "_", label)
+    with (tum / f"{name}_{number}.txt").open("a", encoding="utf-8") as file:
+        file.writelines(lines)
+    return 1

@@ -1,0 +1,131 @@
+"""The ground truth of a recording in its order: ticks with their artefacts, sightings and poses."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.bag.decoded import Scene, Sighting
+from are_ros.bag.recording import PREFIX, RecordedMessage, Recording, find_recording
+from are_ros.bag.roles import find_roles
+from are_ros.errors import BagError, InputError
+from are_ros.messages.odometry import OdometryNumbers
+from are_ros.messages.transforms import StampedTransform
+from are_ros.parameters.model import Parameters
+from are_ros.parameters.ros_yaml import with_file
+from are_ros.replay.progress import Progress
+from are_ros.replay.recorded_frames import RecordedRobot
+from are_ros.world.rigid_transform import RigidTransform
+
+OpenProgress = Callable[[int, int], Progress]
+Sightings = Mapping[int, Sighting]
+
+_ROLES: Final = ("tf", "tf_static", "odom", "camera/camera_info")
+_ARTEFACTS, _PERCEIVED = PREFIX + "artefacts", PREFIX + "perceived"
+
+
+@dataclass(frozen=True, eq=False)
+class TrueTick:
+    """The artefacts of a tick, how those that are perceived were seen, by id, and the robot."""
+
+    scene: Scene
+    sightings: Sightings
+    map_from_base: RigidTransform | None
+
+
+@dataclass(frozen=True, eq=False)
+class Interval:
+    """Two ticks that follow each other: between them is known where all were."""
+
+    before: TrueTick
+    after: TrueTick
+
+    def poses_at(self, stamp_ns: int) -> dict[int, tuple[int, npt.NDArray[np.float64]]]:
+        """Return place in `after.scene` and x, y, z, yaw (4,) of all that are in both ticks, by id.
+
+        Positions and headings change evenly from tick to tick.
+        """
+        old, new = self.before.scene, self.after.scene
+        share = (stamp_ns - old.stamp_ns) / max(new.stamp_ns - old.stamp_ns, 1)
+        places = {number: k for k, number in enumerate(old.ids.tolist())}
+        found = {}
+        for k, number in enumerate(new.ids.tolist()):
+            if number in places:
+                was = places[number]
+                there, here = old.poses[was, :3], new.poses[k, :3]
+                turn = math.remainder(new.yaws_rad[k] - old.yaws_rad[was], math.tau)
+                yaw = old.yaws_rad[was] + share * turn
+                found[number] = k, np.array((*(there + share * (here - there)), yaw))
+        return found
+
+
+class TruthReader:
+    """Reads a recording of the node's outputs once, in its order. Raises BagError without truth."""
+
+    def __init__(self, path: Path) -> None:
+        found = find_recording(path)
+        self.parameters = Parameters()
+        if found.parameters is not None:
+            self.parameters = with_file(self.parameters, found.parameters)
+        self.recording = Recording(found)
+        with self.recording as recording:
+            self.types = recording.types
+            roles = find_roles(recording.topics, {}).by_topic(_ROLES)
+        if _ARTEFACTS not in self.types:
+            raise BagError(f"{path}: it holds no {_ARTEFACTS}, so nothing is known of artefacts")
+        self._roles = {topic: role for topic, role in roles.items() if PREFIX not in topic}
+        has_camera_info = "camera/camera_info" in self._roles.values()
+        self.robot = RecordedRobot(self.parameters, has_camera_info=has_camera_info)
+
+    def read(
+        self, open_progress: OpenProgress, also: Mapping[str, Callable[[Any], None]]
+    ) -> Iterator[TrueTick]:
+        """Yield the ticks; `also` takes rosbags' objects of further topics, in their order.
+
+        A tick is yielded as soon as the next one begins, after its own messages.
+        """
+        topics = {*self._roles, *also, _ARTEFACTS, *({_PERCEIVED} & {*self.types})}
+        with self.recording as recording:
+            start_ns, end_ns = recording.span_ns
+            progress = open_progress(start_ns, end_ns)
+            scene: Scene | None = None
+            base: RigidTransform | None = None
+            sightings: dict[int, Sightings] = {}
+            for message in recording.in_log_order(topics):
+                progress(message.log_ns)
+                if message.topic in also:
+                    also[message.topic](recording.deserialize(message))
+                    continue
+                value = recording.decode(message)
+                if message.topic == _ARTEFACTS:
+                    if scene is not None:
+                        yield TrueTick(scene, sightings.pop(scene.stamp_ns, {}), base)
+                        sightings = {at: s for at, s in sightings.items() if at > scene.stamp_ns}
+                    scene, base = value, self.robot.poses(value.stamp_ns)[0]
+                elif message.topic == _PERCEIVED:
+                    sightings[value.at_ns] = {one.artefact_id: one for one in value.sightings}
+                else:
+                    self._take(message, value)
+            progress(end_ns)
+            if scene is not None:
+                yield TrueTick(scene, sightings.pop(scene.stamp_ns, {}), base)
+
+    def _take(self, message: RecordedMessage, value: Any) -> None:
+        """Take a transform, an odometry or a CameraInfo."""
+        role = self._roles[message.topic]
+        if role == "camera/camera_info":
+            try:
+                self.robot.take_camera(value.message)
+            except InputError as cause:
+                raise BagError(f"{message.topic}: {cause}") from cause
+        elif role == "odom":
+            self.robot.take_odometry(OdometryNumbers(*value.sample))
+        else:
+            for parent, child, stamp_ns, (x, y, z, *turn) in value.samples:
+                rotation = (turn[0], turn[1], turn[2], turn[3])
+                transform = StampedTransform(parent, child, stamp_ns, (x, y, z), rotation)
+                self.robot.take_transform(transform, is_static=role == "tf_static")

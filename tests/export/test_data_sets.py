@@ -1,0 +1,212 @@
+"""`are export --tracks` and `--kitti`: read back by other means, against the recording."""
+
+import csv
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from are_ros.bag.types import RosbagsFactory
+from tests.oracles.recorded import read_outputs
+from tests.replay.conftest import Records, RunAre, WriteBag
+from tests.replay.test_clouds import AUGMENTED, by_stamp, cloud_of
+
+Floats = npt.NDArray[np.float64]
+NS_PER_S = 1_000_000_000
+KITTI_COLUMNS = 15
+CROWD = ("--set", "population.arrival_rate:=0.06", "--set", "population.mean_life:=6")
+
+
+@pytest.fixture(scope="module")
+def tracks(sample_replay: Path, run_are: RunAre, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of the sample's tracks."""
+    folder: Path = tmp_path_factory.mktemp("sets") / "tracks"
+    done = run_are("export", sample_replay, "--tracks", folder)
+    assert done.returncode == 0, done.stderr
+    assert f"tracks: {folder} (" in done.stderr
+    return folder
+
+
+def test_the_table_has_each_artefact_of_each_tick(sample_replay: Path, tracks: Path) -> None:
+    """At its pose, with what the list of the perceived says."""
+    outputs = read_outputs(sample_replay / "augmented.mcap")
+    seen = by_stamp(sample_replay / "augmented.mcap", "/ar_builder/perceived")
+    with (tracks / "tracks.csv").open(encoding="utf-8") as file:
+        rows = {(int(row["stamp_ns"]), int(row["id"])): row for row in csv.DictReader(file)}
+    assert rows.keys() == {(t.stamp_ns, i) for t in outputs.ticks for i in t.poses}
+    assert len(rows) > 150
+    for tick in outputs.ticks:
+        sightings = {one.id: one for one in seen[divmod(tick.stamp_ns, NS_PER_S)].artefacts}
+        for number, pose in tick.poses.items():
+            row, state = rows[tick.stamp_ns, number], outputs.kinds[number]
+            x, y, z, qz, qw = (float(row[name]) for name in ("x", "y", "z", "qz", "qw"))
+            assert (x, y, z, 2.0 * math.atan2(qz, qw)) == pytest.approx(pose, abs=1e-6)
+            assert (row["label"], row["class"]) == (state.label, state.class_name)
+            assert float(row["length"]) == pytest.approx(state.size.x)
+            assert (row["perceived"] == "1") == (number in sightings)
+            if number in sightings:
+                fraction = sightings[number].visible_fraction
+                assert float(row["visible_fraction"]) == pytest.approx(fraction, rel=1e-5)
+                assert row["cameras"] == "camera_optical_frame"
+
+
+def test_each_track_is_a_file_as_tum_has_them(sample_replay: Path, tracks: Path) -> None:
+    """Eight numbers a line, time first; the robot's, too."""
+    outputs = read_outputs(sample_replay / "augmented.mcap")
+    ids = {i for tick in outputs.ticks for i in tick.poses}
+    files = {path.stem: path for path in (tracks / "tum").iterdir()}
+    assert files.keys() == {"robot", *(f"{outputs.kinds[i].label}_{i}" for i in ids)}
+    robot = np.loadtxt(files["robot"])
+    assert len(outputs.ticks) - 1 <= len(robot) <= len(outputs.ticks)  # the first may know none
+    assert np.hypot(*np.ptp(robot[:, 1:3], axis=0)) > 1.0
+    number = min(ids)
+    track = np.loadtxt(files[f"{outputs.kinds[number].label}_{number}"], ndmin=2)
+    poses = {tick.stamp_ns: tick.poses[number] for tick in outputs.ticks if number in tick.poses}
+    assert track[:, 0] == pytest.approx(np.array(list(poses)) / NS_PER_S, abs=1e-6)
+    assert track[:, 1:4] == pytest.approx(np.array([p[:3] for p in poses.values()]), abs=1e-6)
+
+
+@pytest.fixture(scope="module")
+def cloud_replay(
+    sample_records: Records,
+    factory: RosbagsFactory,
+    write_bag: WriteBag,
+    run_are: RunAre,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Path:
+    """Return the results of five seconds of the sample with a cloud beside each scan."""
+    folder = tmp_path_factory.mktemp("kitti")
+    clouds = [
+        ("/velodyne_points", log_ns + 1, cloud_of(message, factory, is_organised=False))
+        for topic, log_ns, message in sample_records
+        if topic == "/scan"
+    ]
+    records = sorted([*sample_records, *clouds], key=lambda record: record[1])
+    bag = write_bag(folder / "bag.mcap", records)
+    done = run_are("replay", bag, *CROWD, "--seed", 3, "--with-inputs", "--out", folder / "out")
+    assert done.returncode == 0, done.stderr
+    return folder / "out"
+
+
+def read_frame(folder: Path, name: str) -> tuple[Floats, list[list[str]], dict[str, Floats]]:
+    """Return points (N, 4), the words of each label, and the matrices of a frame."""
+    points = np.fromfile(folder / "velodyne" / f"{name}.bin", "<f4").reshape(-1, 4)
+    labels = [
+        line.split() for line in (folder / "label_2" / f"{name}.txt").read_text().splitlines()
+    ]
+    rows = [line.split(":") for line in (folder / "calib" / f"{name}.txt").read_text().splitlines()]
+    matrices = {key: np.array(text.split(), np.float64) for key, text in rows}
+    return points.astype(np.float64), labels, matrices
+
+
+def in_box(points: Floats, label: list[str], margin_m: float) -> npt.NDArray[np.bool_]:
+    """Return which points (N, 3) of the camera's frame lie in a label's box, or so near to it."""
+    height, width, length, x, y, z, turn = (float(word) for word in label[8:15])
+    offset = points - (x, y, z)
+    along = math.cos(turn) * offset[:, 0] - math.sin(turn) * offset[:, 2]
+    across = math.sin(turn) * offset[:, 0] + math.cos(turn) * offset[:, 2]
+    inside: npt.NDArray[np.bool_] = (
+        (np.abs(along) <= 0.5 * length + margin_m)
+        & (np.abs(across) <= 0.5 * width + margin_m)
+        & (offset[:, 1] <= margin_m)
+        & (offset[:, 1] >= -height - margin_m)
+    )
+    return inside
+
+
+def test_labels_clouds_and_calibration_of_kitti_fit_together(
+    cloud_replay: Path, run_are: RunAre, tmp_path: Path
+) -> None:
+    """Points that the artefacts changed lie in labelled boxes, boxes in their rectangles."""
+    done = run_are("export", cloud_replay, "--kitti", tmp_path / "set")
+    assert done.returncode == 0, done.stderr
+    with (tmp_path / "set" / "frames.csv").open(encoding="utf-8") as file:
+        stamps = {row["frame"]: int(row["stamp_ns"]) for row in csv.DictReader(file)}
+    before = by_stamp(cloud_replay / "augmented.mcap", "/velodyne_points")
+    after = by_stamp(cloud_replay / "augmented.mcap", AUGMENTED)
+    seen = by_stamp(cloud_replay / "augmented.mcap", "/ar_builder/perceived")
+    assert len(stamps) > 0.9 * len(after)
+    changed = inside = boxes = 0
+    for name, stamp_ns in stamps.items():
+        points, labels, matrices = read_frame(tmp_path / "set" / "training", name)
+        stamp = divmod(stamp_ns, NS_PER_S)
+        assert points[:, :3] == pytest.approx(_xyz(after[stamp]))
+        real = _xyz(before[stamp])
+        is_changed = np.ones(len(points), dtype=bool)
+        is_changed[: len(real)] = (points[: len(real), :3] != real).any(axis=1)
+        to_camera = np.vstack((matrices["Tr_velo_to_cam"].reshape(3, 4), (0.0, 0.0, 0.0, 1.0)))
+        homogeneous = np.column_stack((points[:, :3], np.ones(len(points))))
+        in_camera = homogeneous @ to_camera.T
+        projection = matrices["P2"].reshape(3, 4)
+        found = np.zeros(len(points), dtype=bool)
+        for label in labels:
+            assert len(label) == KITTI_COLUMNS
+            own = in_box(in_camera[:, :3], label, 0.03)
+            pixels = in_camera[own] @ projection.T
+            pixels = pixels[pixels[:, 2] > 0.1]
+            pixels = pixels[:, :2] / pixels[:, 2:]
+            left, top, right, bottom = (float(word) for word in label[4:8])
+            # What lies beyond the image is cut off in the rectangle.
+            shown = ((pixels > 0) & (pixels < (639, 479))).all(axis=1)
+            low, high = (left - 8, top - 8), (right + 8, bottom + 8)
+            assert ((pixels[shown] >= low) & (pixels[shown] <= high)).all()
+            found |= own
+            boxes += 1
+        visible = (in_camera @ projection.T)[:, 2] > 0.1
+        ids = {one.id for one in seen.get(stamp, _NONE).artefacts} if stamp in seen else set()
+        assert len(labels) <= len(ids) or stamp not in seen
+        changed += np.count_nonzero(is_changed & visible)
+        inside += np.count_nonzero(is_changed & visible & found)
+    assert boxes > 30
+    assert changed > 1000
+    assert inside > 0.9 * changed
+
+
+class _None:
+    artefacts: tuple[Any, ...] = ()
+
+
+_NONE = _None()
+
+
+def _xyz(cloud: Any) -> Floats:
+    """Return the returns (N, 3) of a cloud."""
+    data = np.asarray(cloud.data, np.uint8).reshape(-1, cloud.point_step)
+    points = data[:, :12].copy().view("<f4").astype(np.float64)
+    found: Floats = points[np.isfinite(points).all(axis=1)]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (("--kitti", "set"), "has no augmented cloud (sensors.clouds)"),
+        (("--tracks", "full"), "full: it is there already, and not empty"),
+    ],
+)
+def test_what_cannot_be_written_is_refused(
+    sample_replay: Path,
+    run_are: RunAre,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    words: tuple[str, str],
+    reason: str,
+) -> None:
+    """In one sentence, and nothing is lost."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "mine.txt").write_text("mine")
+    done = run_are("export", sample_replay, *words)
+    assert done.returncode == 1
+    assert reason in done.stderr
+    assert (tmp_path / "full" / "mine.txt").read_text() == "mine"
+
+
+def test_the_cloud_is_chosen_by_name(cloud_replay: Path, run_are: RunAre, tmp_path: Path) -> None:
+    """A name that is not there is refused with those that are."""
+    words = ("--kitti", tmp_path / "set", "--cloud", "/front")
+    done = run_are("export", cloud_replay, *words)
+    assert f"--kitti: it has no /front; choose one with --cloud: {AUGMENTED}" in done.stderr
