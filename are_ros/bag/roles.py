@@ -7,6 +7,7 @@ from typing import Final
 
 from are_ros.bag.reader import BagTopic
 from are_ros.errors import BagError
+from are_ros.messages.images.image import raw_topic
 from are_ros.messages.sensors import SENSORS
 
 TF_TYPES: Final = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
@@ -16,7 +17,7 @@ ROLE_TYPES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "map": ("nav_msgs/msg/OccupancyGrid",),
         "octomap_point_cloud_centers": ("sensor_msgs/msg/PointCloud2",),
         "odom": ("nav_msgs/msg/Odometry",),
-        **{role: (kind.type_name,) for role, kind in SENSORS.items()},
+        **{role: kind.type_names for role, kind in SENSORS.items()},
         "camera/camera_info": ("sensor_msgs/msg/CameraInfo",),
         "tf": TF_TYPES,
         "tf_static": TF_TYPES,
@@ -29,6 +30,7 @@ ROLE_TYPES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 _TELLTALES: Final = {
     "octomap_point_cloud_centers": "octomap",
     "tf_static": "static",
+    "depth": "depth",
 }
 """These take a topic by its type only if this is part of its name; others of its type do not."""
 
@@ -78,7 +80,7 @@ def find_roles(topics: Sequence[BagTopic], overrides: Mapping[str, str]) -> Role
     filled = [topic for topic in topics if topic.count > 0]
     for role in ROLE_TYPES:
         if role not in chosen:
-            default = _named(filled, f"/{role}", ROLE_TYPES[role])
+            default = _named(filled, f"/{role}", role)
             if default is not None:
                 chosen[role] = default
     taken = {topic.name for topic in chosen.values()}
@@ -131,12 +133,11 @@ def _overridden(topics: Sequence[BagTopic], role: str, name: str) -> BagTopic:
     option = f"--topic {role}:={name}"
     if role not in ROLE_TYPES:
         raise BagError(f"{option}: there is no such role; the roles are {', '.join(ROLE_TYPES)}")
-    types = ROLE_TYPES[role]
-    topic = _named(topics, name, types)
+    topic = _named(topics, name, role)
     if topic is not None:
         return topic
-    fitting = ", ".join(topic.name for topic in topics if topic.type_name in types)
-    candidates = f"of type {types[0]} it has {fitting or 'no topic'}"
+    fitting = ", ".join(topic.name for topic in topics if _is_of_type(topic, role))
+    candidates = f"of type {ROLE_TYPES[role][0]} it has {fitting or 'no topic'}"
     others = [topic.type_name for topic in topics if slashed(topic.name) == slashed(name)]
     reason = f"that topic is of type {others[0]}" if others else "the recording has no such topic"
     raise BagError(f"{option}: {reason}; {candidates}")
@@ -146,10 +147,14 @@ def _by_type(role: str, topics: Sequence[BagTopic], free: Sequence[BagTopic]) ->
     """Return the only free topic of the role's type, or why there is none."""
     types = ROLE_TYPES[role]
     why = _why_no_default(role, topics)
-    candidates = [topic for topic in free if topic.type_name in types and _suits(role, topic.name)]
+    fitting = [topic for topic in free if _is_of_type(topic, role) and _suits(role, topic.name)]
+    raw = {topic.name for topic in fitting}
+    candidates = [t for t in fitting if raw_topic(t.name) == t.name or raw_topic(t.name) not in raw]
     if len(candidates) == 1:
         (only,) = candidates
-        return FoundRole(role, only, f"{role}: {why}; {only.name}, the only {types[0]}, is used")
+        named = " named so" if role in SENSORS and role in _TELLTALES else ""
+        sentence = f"{role}: {why}; {only.name}, the only {only.type_name}{named}, is used"
+        return FoundRole(role, only, sentence)
     if candidates:
         names = ", ".join(topic.name for topic in candidates)
         sentence = f"{role}: {why}, and several topics are {types[0]}: {names}"
@@ -178,14 +183,21 @@ def _suits(role: str, topic: str) -> bool:
     return not any(_TELLTALES[rival] in topic.lower() for rival in rivals)
 
 
-def _named(topics: Sequence[BagTopic], name: str, types: tuple[str, ...]) -> BagTopic | None:
-    """Return the topic of this name and of one of these types."""
+def _named(topics: Sequence[BagTopic], name: str, role: str) -> BagTopic | None:
+    """Return the topic of this name that can play a role."""
     fitting = (
         topic
         for topic in topics
-        if slashed(topic.name) == slashed(name) and topic.type_name in types
+        if slashed(topic.name) == slashed(name) and _is_of_type(topic, role)
     )
     return next(fitting, None)
+
+
+def _is_of_type(topic: BagTopic, role: str) -> bool:
+    """Return whether a topic is of a type of a role; of images, the name tells which."""
+    if role in SENSORS:
+        return topic.type_name == SENSORS[role].type_of(topic.name)
+    return topic.type_name in ROLE_TYPES[role]
 
 
 def slashed(name: str) -> str:

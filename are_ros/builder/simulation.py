@@ -13,6 +13,7 @@ from are_ros.builder import assembly
 from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.builder.population_manager import PopulationManager
 from are_ros.builder.real_world import RealWorld
+from are_ros.builder.sensors.lens import Lens
 from are_ros.builder.sensors.sensor_path import (
     Reading,
     ReleasedReading,
@@ -169,6 +170,15 @@ class Simulation:
         self._received(received_ns)
         self._sensors.push(topic, reading, received_ns)
         self._idle_until_ns = received_ns
+
+    def await_lens(self, topic: str, lens_topic: str) -> None:
+        """Let the images of a topic wait for the CameraInfo that comes on another one."""
+        self._sensors.await_lens(topic, lens_topic)
+
+    def receive_lens(self, topic: str, lens: Lens, received_ns: int) -> None:
+        """Take the lens of the images of a topic, from the CameraInfo beside them."""
+        self._received(received_ns)
+        self._sensors.receive_lens(topic, lens, received_ns)
 
     def receive_plan(
         self, points_m: npt.NDArray[np.floating], frame_id: str, received_ns: int

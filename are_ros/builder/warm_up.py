@@ -18,7 +18,10 @@ from are_ros.agents.local_planner.body import MotionCommand
 from are_ros.agents.simulate import CrowdSimulator
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import collision_resolver
+from are_ros.builder.sensors.depth_image import DepthImage, RawDepth
+from are_ros.builder.sensors.image import Image
 from are_ros.builder.sensors.laser_scan import LaserScan
+from are_ros.builder.sensors.lens import Lens
 from are_ros.builder.sensors.point_cloud import CloudField, PointCloud
 from are_ros.builder.tick import EVERYTHING, Demand
 from are_ros.conventions import FREE, NS_PER_S, OCCUPIED
@@ -28,7 +31,7 @@ from are_ros.parameters.model import Parameters
 from are_ros.population.artefact import GroundPose
 from are_ros.population.catalogue import Catalogue, MotionLimits
 from are_ros.world.boxes import OrientedBoxes
-from are_ros.world.cameras import Camera, PinholeView, mounted_camera
+from are_ros.world.cameras import Camera, CameraInfo, PinholeView, mounted_camera
 from are_ros.world.environment import Environment
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.regions import SpawnRegion, Zones
@@ -64,6 +67,7 @@ class WarmUpNeeds:
     demand: Demand = EVERYTHING
     has_scans: bool = True
     has_clouds: bool = True
+    has_depths: bool = True
     has_voxels: bool = True
 
 
@@ -283,6 +287,9 @@ class _Scene:
         builder = self._builder
         builder.reconfigure(self._parameters, self._tick * _TICK_NS)
         builder.demand = self._needs.demand
+        if self._needs.has_depths:
+            builder.await_lens("depth", "camera_info")
+            builder.receive_lens("depth", _lens_of_depths(), self._tick * _TICK_NS)
         if self._needs.has_voxels:
             builder.receive_cloud(_voxels(), "map", self._tick * _TICK_NS, 0.1)
         for i in range(_TICKS):
@@ -291,6 +298,8 @@ class _Scene:
                 builder.receive_reading("scan", _scan(now_ns), now_ns)
             if self._needs.has_clouds:
                 builder.receive_reading("points", _cloud(now_ns), now_ns)
+            if self._needs.has_depths:
+                builder.receive_reading("depth", _depth(now_ns), now_ns)
             if i == 1:
                 builder.receive_camera(_lens(), now_ns)
                 pose = GroundPose(2.0, 1.5, 0.0, 0.1)
@@ -382,3 +391,17 @@ def _cloud(stamp_ns: int) -> PointCloud:
     fields = tuple(CloudField(axis, 4 * k, 7) for k, axis in enumerate("xyz"))
     data = points_m.astype("<f4").view(np.uint8).reshape(1, -1)
     return PointCloud("base_link", stamp_ns, fields, False, True, len(angles), 12, data)
+
+
+def _lens_of_depths() -> Lens:
+    """Return a lens that looks along x, as a rectified one may."""
+    k, r = (16.0, 0.0, 15.5, 0.0, 16.0, 11.5, 0.0, 0.0, 1.0), (0, -1, 0, 0, 0, -1, 1, 0, 0)
+    p = (*k[:3], 0.0, *k[3:6], 0.0, *k[6:], 0.0)
+    info = CameraInfo(_WIDTH, _HEIGHT, "plumb_bob", (), k, tuple(map(float, r)), p)
+    return Lens("base_link", info, info.view(rectified=True))
+
+
+def _depth(stamp_ns: int) -> DepthImage:
+    """Return an image in which nothing came back."""
+    numbers = np.zeros((_HEIGHT, 2 * _WIDTH), np.uint8)
+    return DepthImage(RawDepth(Image("base_link", stamp_ns, "16UC1", 0, _WIDTH, numbers)))

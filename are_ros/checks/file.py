@@ -14,11 +14,14 @@ from are_ros.bag.reader import sentence_of
 from are_ros.bag.recording import PREFIX
 from are_ros.checks.result import CheckResult, Tally, at_s, merged, skipped
 from are_ros.conventions import NS_PER_S
-from are_ros.messages.sensors import SENSORS
+from are_ros.messages.sensors import CAMERA_INFO_TYPE, SENSORS
 from are_ros.messages.tick_encoding import ALL_OUTPUTS, OUTPUTS
 from are_ros.wording import counted
 
-_SENSOR_TYPES: Final = tuple(kind.type_name for kind in SENSORS.values())
+_SENSOR_TYPES: Final = (
+    *(name for kind in SENSORS.values() for name in kind.type_names),
+    CAMERA_INFO_TYPE,
+)
 _FOOTER: Final = Struct("<QQI")
 _MAGIC: Final = b"\x89MCAP0\r\n"
 _LATCHED_TYPE: Final = "nav_msgs/msg/OccupancyGrid"

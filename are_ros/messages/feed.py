@@ -8,14 +8,16 @@ from struct import Struct
 from typing import Any, Final, Protocol
 
 from are_ros.builder.ar_builder import ArBuilder
+from are_ros.builder.sensors.lens import Lens
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, FrameError, InputError
 from are_ros.messages.camera_info import read_camera_info
 from are_ros.messages.common import read_header
 from are_ros.messages.goals import read_path
+from are_ros.messages.images.image import is_rectified
 from are_ros.messages.maps import read_grid, read_points
 from are_ros.messages.odometry import OdometryNumbers
-from are_ros.messages.sensors import SENSORS, SensorKind
+from are_ros.messages.sensors import CAMERA_INFO, SENSORS, SensorKind, lens_topics
 from are_ros.messages.transforms import StampedTransform
 from are_ros.world.cameras import Camera
 from are_ros.world.rigid_transform import RigidTransform
@@ -84,7 +86,12 @@ class Feed:
         self._decoding = decoding
         self._builder = builder
         self._roles = dict(roles)
-        self._last: dict[str, tuple[bytes, Any]] = {}
+        self._last: dict[tuple[str, str], tuple[bytes, Any]] = {}
+        self._images: dict[str, list[str]] = {}
+        """The topics of the images that a CameraInfo belongs to, by its topic."""
+        for topic, lens_topic in lens_topics(roles).items():
+            self._images.setdefault(lens_topic, []).append(topic)
+            builder.await_lens(topic, lens_topic)
         others = count(1)
         makers: Mapping[str, Callable[[], Handler]] = {
             "map": lambda: self._map,
@@ -92,6 +99,7 @@ class Feed:
             "odom": lambda: self._odometry,
             "camera/camera_info": lambda: partial(self._camera, 0),
             OTHER_CAMERA: lambda: partial(self._camera, next(others)),
+            CAMERA_INFO: lambda: self._lens,
             "tf": lambda: self._transforms,
             "tf_static": lambda: self._static_transforms,
             "plan": lambda: self._plan,
@@ -154,15 +162,34 @@ class Feed:
             frame_id = read_header(raw, source).frame_id
             return Camera(view, frame_id, RigidTransform.identity())
 
-        self._builder.receive_camera(self._decoded(message, decode), received_ns, number)
+        try:
+            self._builder.receive_camera(self._decoded(message, decode), received_ns, number)
+        finally:
+            self._lens(message, received_ns)
 
-    def _decoded(self, message: RawMessage, decode: Callable[[Any, str], Any]) -> Any:
+    def _lens(self, message: RawMessage, received_ns: int) -> None:
+        """Give the images beside a CameraInfo their lens."""
+
+        def decode(raw: Any, source: str) -> dict[str, Lens]:
+            info, frame_id = read_camera_info(raw, source), read_header(raw, source).frame_id
+            images = self._images[source]
+            views = {flag: info.view(rectified=flag) for flag in {*map(is_rectified, images)}}
+            lenses = {flag: Lens(frame_id, info, view) for flag, view in views.items()}
+            return {image: lenses[is_rectified(image)] for image in images}
+
+        if message.topic in self._images:
+            for image, lens in self._decoded(message, decode, CAMERA_INFO).items():
+                self._builder.receive_lens(image, lens, received_ns)
+
+    def _decoded(
+        self, message: RawMessage, decode: Callable[[Any, str], Any], purpose: str = ""
+    ) -> Any:
         """Return the decoded content; a content that is repeated is not decoded again."""
-        content = message.data[_STAMP_END:]
-        known = self._last.get(message.topic)
+        content, key = message.data[_STAMP_END:], (message.topic, purpose)
+        known = self._last.get(key)
         if known is None or known[0] != content:
             known = content, decode(self._decoding.deserialize(message), message.topic)
-            self._last[message.topic] = known
+            self._last[key] = known
         return known[1]
 
     def _transforms(self, message: RawMessage, received_ns: int) -> None:

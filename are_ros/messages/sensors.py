@@ -16,9 +16,12 @@ import numpy as np
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.builder.sensors.point_cloud import CloudField, PointCloud
 from are_ros.builder.sensors.range_reading import RangeReading
-from are_ros.builder.sensors.sensor_path import Reading
+from are_ros.builder.sensors.sensor_path import Reading, ReleasedReading
+from are_ros.messages.camera_info import encode_camera_info
 from are_ros.messages.cdr import CdrWriter
 from are_ros.messages.common import read_array, read_time
+from are_ros.messages.images.depth import encode_depth, read_depth
+from are_ros.messages.images.image import camera_info_topic, transport_of
 from are_ros.parameters.model import SensorsParameters
 
 
@@ -149,9 +152,11 @@ def encode_cloud(cloud: PointCloud) -> bytes:
 class SensorKind:
     """A kind of sensor: subscriptions, outputs, replays and recordings follow from its entry.
 
-    `role` names the input of a replay, the default topic and, if there is one topic, the output.
-    `parameter` is the field of `SensorsParameters` with the topics. `read(message, topic)` raises
-    InputError; `encode` returns little-endian XCDR1 with its encapsulation.
+    `role` names the input of a replay, the default topic and, without an `output`, the output if
+    there is one topic. `parameter` is the field of `SensorsParameters` with the topics.
+    `read(message, topic)` raises InputError; `encode` returns little-endian XCDR1 with its
+    encapsulation. A kind with `compressed_type` is one of images: topics that end with a transport
+    of image_transport are of that type, and a CameraInfo comes beside each.
     """
 
     role: str
@@ -159,6 +164,28 @@ class SensorKind:
     parameter: str
     read: Callable[[Any, str], Reading]
     encode: Callable[[Any], bytes]
+    compressed_type: str = ""
+    output: str = ""
+
+    @property
+    def type_names(self) -> tuple[str, ...]:
+        """The types of its messages."""
+        return (self.type_name, self.compressed_type) if self.is_image else (self.type_name,)
+
+    @property
+    def is_image(self) -> bool:
+        """Whether a CameraInfo belongs to each reading."""
+        return bool(self.compressed_type)
+
+    def type_of(self, topic: str) -> str:
+        """Return the type of the messages of a topic."""
+        return self.compressed_type if self.is_image and transport_of(topic) else self.type_name
+
+    def output_of(self, topic: str) -> str:
+        """Return the output of the only topic of the kind."""
+        transport = transport_of(topic) if self.is_image else ""
+        name = self.output or self.role
+        return f"{name}/{transport}" if transport else name
 
     def topics(self, parameters: SensorsParameters) -> tuple[str, ...]:
         """Return the topics that the parameters name."""
@@ -174,9 +201,22 @@ _KINDS: Final = (
     SensorKind("scan", "sensor_msgs/msg/LaserScan", "scans", read_scan, encode_scan),
     SensorKind("range", "sensor_msgs/msg/Range", "ranges", read_range, encode_range),
     SensorKind("points", "sensor_msgs/msg/PointCloud2", "clouds", read_cloud, encode_cloud),
+    SensorKind(
+        "depth",
+        "sensor_msgs/msg/Image",
+        "depths",
+        read_depth,
+        encode_depth,
+        compressed_type="sensor_msgs/msg/CompressedImage",
+        output="depth/image",
+    ),
 )
 SENSORS: Final[Mapping[str, SensorKind]] = MappingProxyType({kind.role: kind for kind in _KINDS})
 """The kinds of sensors by role."""
+
+CAMERA_INFO: Final = "camera_info"
+"""The role of a topic that only has the CameraInfo of images."""
+CAMERA_INFO_TYPE: Final = "sensor_msgs/msg/CameraInfo"
 
 
 def sensor_topics(roles: Mapping[str, str]) -> dict[str, SensorKind]:
@@ -184,13 +224,51 @@ def sensor_topics(roles: Mapping[str, str]) -> dict[str, SensorKind]:
     return {topic: SENSORS[role] for topic, role in roles.items() if role in SENSORS}
 
 
+def lens_topics(roles: Mapping[str, str]) -> dict[str, str]:
+    """Return the topic of the CameraInfo of each topic of images, of the roles by topic."""
+    kinds = sensor_topics(roles)
+    return {topic: camera_info_topic(topic) for topic, kind in kinds.items() if kind.is_image}
+
+
 def sensor_outputs(roles: Mapping[str, str]) -> dict[str, str]:
-    """Return the output of each sensor's topic: the role, or with several of a kind its own name.
+    """Return the output of each sensor's topic: the role's, or with several of a kind its own name.
 
     `roles` are the roles by topic; those that are no sensors are left out.
     """
     players = list(roles.values())
     return {
-        topic: kind.role if players.count(kind.role) == 1 else topic.lstrip("/")
+        topic: kind.output_of(topic) if players.count(kind.role) == 1 else topic.lstrip("/")
         for topic, kind in sensor_topics(roles).items()
     }
+
+
+class SensorOutputs:
+    """The outputs of the sensors among the roles, and their messages.
+
+    `names` are the outputs by topic; `types` those of all messages by output. Beside each image
+    goes its CameraInfo, with the image's stamp.
+    """
+
+    def __init__(self, roles: Mapping[str, str]) -> None:
+        self.names = sensor_outputs(roles)
+        self._kinds = sensor_topics(roles)
+        self._infos = {topic: camera_info_topic(self.names[topic]) for topic in lens_topics(roles)}
+        self.types = {name: self._kinds[topic].type_of(topic) for topic, name in self.names.items()}
+        self.types |= dict.fromkeys(self._infos.values(), CAMERA_INFO_TYPE)
+        self._relays: dict[str, list[str]] = {t: [name] for t, name in self.names.items()}
+        for topic, info in lens_topics(roles).items():
+            self._relays.setdefault(info, []).append(self._infos[topic])
+
+    def messages(self, released: ReleasedReading) -> list[tuple[str, bytes]]:
+        """Return the messages of a reading: the output and the bytes of each."""
+        topic, reading = released.topic, released.reading
+        found = [(self.names[topic], self._kinds[topic].encode(reading))]
+        if topic in self._infos and reading.lens is not None:
+            info, frame_id = reading.lens.info, reading.lens.frame_id
+            data = encode_camera_info(info, frame_id, reading.stamp_ns)
+            found.insert(0, (self._infos[topic], data))
+        return found
+
+    def relays_of(self, topic: str) -> list[str]:
+        """Return the outputs that a topic goes out on where nothing is augmented."""
+        return self._relays.get(topic, [])

@@ -16,7 +16,7 @@ from are_ros.errors import AreError, InputError
 from are_ros.messages.feed import Decoding, Feed, RawMessage
 from are_ros.messages.goals import read_clicked_point
 from are_ros.messages.maps import encode_grid, read_grid
-from are_ros.messages.sensors import SENSORS, sensor_outputs, sensor_topics
+from are_ros.messages.sensors import SENSORS, SensorOutputs, sensor_topics
 from are_ros.messages.tick_encoding import TickEncoder
 from are_ros.node.watches import CallbackTimer, FaultWatch, TickWatch
 from are_ros.parameters.choices import CostmapGate, SensorGate
@@ -110,7 +110,7 @@ class LiveBuilder:
         self._views: list[ViewModel] = []
         self._shown: Environment | None = None
         self.sensors = sensor_topics(roles)
-        self._sensor_outputs = sensor_outputs(roles)
+        self._sensor_outputs = SensorOutputs(roles)
         self.builder.lives.is_paused = True
         self.builder.lives.report_faults_to(self.faults.take)
         if "camera/camera_info" in roles.values():
@@ -296,9 +296,9 @@ class LiveBuilder:
 
     def _relay(self, role: str, message: RawMessage) -> None:
         """Relay real readings and maps while no ticks run."""
-        if role in SENSORS:
-            self._sink.publish(self._sensor_outputs[message.topic], message.data)
-        elif role == "map":
+        for name in self._sensor_outputs.relays_of(message.topic):
+            self._sink.publish(name, message.data)
+        if role == "map":
             self._relay_map(message)
 
     def _relay_map(self, message: RawMessage) -> None:
@@ -347,8 +347,8 @@ class LiveBuilder:
 
     def _send_readings(self) -> None:
         for released in self.builder.take_readings():
-            encode = self.sensors[released.topic].encode
-            self._sink.publish(self._sensor_outputs[released.topic], encode(released.reading))
+            for name, data in self._sensor_outputs.messages(released):
+                self._sink.publish(name, data)
 
     def _follow_clock(self, now_ns: int) -> None:
         """Begin the ticks anew when the clock has jumped back, as the builder does."""

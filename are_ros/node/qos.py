@@ -18,7 +18,7 @@ from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverriding
 
 from are_ros.errors import ParameterError
 from are_ros.messages.feed import OTHER_CAMERA
-from are_ros.messages.sensors import SENSORS
+from are_ros.messages.sensors import CAMERA_INFO, CAMERA_INFO_TYPE, SENSORS
 from are_ros.messages.tick_encoding import ALL_OUTPUTS, OutputTopic
 from are_ros.node.message_classes import message_class
 
@@ -40,8 +40,9 @@ INPUTS: Final[Mapping[str, InputTopic]] = MappingProxyType(
         "octomap_point_cloud_centers": InputTopic("sensor_msgs/msg/PointCloud2", True, depth=1),
         "odom": InputTopic("nav_msgs/msg/Odometry", depth=50),
         **{role: InputTopic(kind.type_name) for role, kind in SENSORS.items()},
-        "camera/camera_info": InputTopic("sensor_msgs/msg/CameraInfo", depth=5),
-        OTHER_CAMERA: InputTopic("sensor_msgs/msg/CameraInfo", depth=5),
+        "camera/camera_info": InputTopic(CAMERA_INFO_TYPE, depth=5),
+        OTHER_CAMERA: InputTopic(CAMERA_INFO_TYPE, depth=5),
+        CAMERA_INFO: InputTopic(CAMERA_INFO_TYPE, depth=5),
         "tf": InputTopic("tf2_msgs/msg/TFMessage", True, depth=100, topic="/tf"),
         "tf_static": InputTopic("tf2_msgs/msg/TFMessage", True, True, 100, "/tf_static"),
         "clicked_point": InputTopic("geometry_msgs/msg/PointStamped", True),
@@ -59,6 +60,11 @@ _POLICIES_BUT_DURABILITY: Final = (
     QoSPolicyKind.RELIABILITY,
 )
 _POLICIES: Final = (*_POLICIES_BUT_DURABILITY, QoSPolicyKind.DURABILITY)
+
+
+def input_type(role: str, topic: str) -> str:
+    """Return the type of the input of a role on a topic; of images, the name tells which."""
+    return SENSORS[role].type_of(topic) if role in SENSORS else INPUTS[role].type_name
 
 
 def input_qos(role: str) -> QoSProfile:
@@ -88,11 +94,11 @@ def subscribe(
     is not installed. A `qos_profile` goes before the table too, and its durability before any
     override: rclpy would hold on to that of a topic's first subscription. `options` go to rclpy.
     """
-    entry = INPUTS[role]
+    name = topic or INPUTS[role].topic or role
     return _created(
         node.create_subscription,
-        entry.type_name,
-        topic or entry.topic or role,
+        input_type(role, name),
+        name,
         policies=_POLICIES if qos_profile is None else _POLICIES_BUT_DURABILITY,
         qos_profile=qos_profile or input_qos(role),
         callback=callback,

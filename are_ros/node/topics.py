@@ -15,7 +15,7 @@ from rclpy.serialization import deserialize_message
 from are_ros.errors import AreError, InputError, NodeError
 from are_ros.messages.feed import OTHER_CAMERA
 from are_ros.messages.odometry import OdometryNumbers, read_odometry_numbers
-from are_ros.messages.sensors import SENSORS, sensor_outputs, sensor_topics
+from are_ros.messages.sensors import CAMERA_INFO, SENSORS, SensorOutputs, lens_topics
 from are_ros.messages.tick_encoding import OUTPUTS, OutputTopic
 from are_ros.messages.transforms import (
     StampedTransform,
@@ -24,7 +24,14 @@ from are_ros.messages.transforms import (
     read_transforms,
 )
 from are_ros.node.message_classes import message_class
-from are_ros.node.qos import INPUTS, advertise, input_qos, is_latched_by_all, subscribe
+from are_ros.node.qos import (
+    INPUTS,
+    advertise,
+    input_qos,
+    input_type,
+    is_latched_by_all,
+    subscribe,
+)
 from are_ros.node.watches import InputSnapshot, InputWatch
 from are_ros.parameters.model import SensorsParameters
 
@@ -105,6 +112,9 @@ class Subscriptions:
         try:
             for role, topic in asked:
                 self._open(role, topic, say)
+            for topic in lens_topics(self.roles).values():
+                if topic not in self.roles:
+                    self._open(CAMERA_INFO, topic, say)
         except AreError:
             self.close()
             raise
@@ -138,7 +148,7 @@ class Subscriptions:
                 if taken is None:
                     break
                 self.watches[topic].received(monotonic_ns())
-                yield WireMessage(topic, INPUTS[role].type_name, taken[0])
+                yield WireMessage(topic, input_type(role, topic), taken[0])
 
     def is_time_simulated(self) -> bool:
         """Return whether the node's time is that of /clock."""
@@ -182,7 +192,7 @@ class Subscriptions:
             options["qos_profile"] = self._cloud_qos()
             options["event_callbacks"] = SubscriptionEventCallbacks(incompatible_qos=_adapt_later)
         name = self._node.resolve_topic_name(topic)
-        type_name = INPUTS[role].type_name
+        type_name = input_type(role, topic)
 
         def take(data: bytes) -> None:
             self.watches[name].received(monotonic_ns())
@@ -225,8 +235,7 @@ class Publishers:
         self._publishers: dict[str, Any] = {}
         self._viewers = 0
         types = {name: output.type_name for name, output in outputs.items()}
-        names = sensor_outputs(roles)
-        types |= {names[topic]: kind.type_name for topic, kind in sensor_topics(roles).items()}
+        types |= SensorOutputs(roles).types
         try:
             for name, type_name in types.items():
                 self._advertise(name, type_name, say)

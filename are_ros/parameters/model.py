@@ -591,6 +591,20 @@ class SensorsParameters:
     clouds: tuple[str, ...] = parameter(
         ("points",), "Topics of the point clouds of lasers and depth cameras to augment."
     )
+    depths: tuple[str, ...] = parameter(
+        ("depth",),
+        "Topics of the depth images to augment, raw or .../compressedDepth; their CameraInfo comes "
+        "on camera_info beside them.",
+    )
+    depth_range: float = parameter(
+        10.0,
+        "How far depth cameras see: a pixel without a return shows no artefact beyond it. "
+        "0: as far as the encoding tells.",
+        unit="m",
+        low=0.0,
+        high=1000.0,
+        live=True,
+    )
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from are_ros.draw.scene import ScanPoints, scan_points
 from are_ros.errors import AreError
 from are_ros.messages.common import MessageFactory
 from are_ros.messages.maps import Points, make_cloud, make_grid
-from are_ros.messages.sensors import sensor_outputs, sensor_topics
+from are_ros.messages.sensors import SensorOutputs
 from are_ros.messages.tick_encoding import OUTPUTS, OutputTopic, TickEncoder
 from are_ros.messages.transforms import StampedTransform, encode_transforms_cdr, make_transforms
 from are_ros.parameters.choices import Region
@@ -41,12 +41,11 @@ class TickWriter(Listener):
         """Announce the output topics; `roles` are those of the input topics."""
         self._writer = writer
         self._encoder = TickEncoder(demand)
-        self._sensors = sensor_topics(roles)
-        self._sensor_outputs = {t: PREFIX + name for t, name in sensor_outputs(roles).items()}
+        self._sensors = SensorOutputs(roles)
         for name, (type_name, is_latched, depth) in outputs.items():
             writer.add_topic(PREFIX + name, type_name, is_latched=is_latched, depth=depth)
-        for topic, output in self._sensor_outputs.items():
-            writer.add_topic(output, self._sensors[topic].type_name)
+        for name, type_name in self._sensors.types.items():
+            writer.add_topic(PREFIX + name, type_name)
 
     def take_tick(self, tick: Tick) -> None:
         """Append the outputs of a tick, at its time."""
@@ -56,8 +55,8 @@ class TickWriter(Listener):
     def take_readings(self, readings: Sequence[ReleasedReading]) -> None:
         """Append sensor readings, each at its release time."""
         for released in readings:
-            data = self._sensors[released.topic].encode(released.reading)
-            self._writer.write_raw(self._sensor_outputs[released.topic], released.released_ns, data)
+            for name, data in self._sensors.messages(released):
+                self._writer.write_raw(PREFIX + name, released.released_ns, data)
 
 
 # The inputs of a replay, with `--with-inputs`.

@@ -162,6 +162,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
                 options.demand,
                 has_scans=bool(kinds & {"scan", "range"}),
                 has_clouds="points" in kinds,
+                has_depths="depth" in kinds,
                 has_voxels=options.octomap_file is not None or roles.topic(_CLOUD_ROLE) is not None,
             )
             with said_if_slow(say, _PREPARING), KernelBar() as bar:

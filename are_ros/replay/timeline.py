@@ -14,12 +14,12 @@ from are_ros.builder.tick import Demand
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
 from are_ros.messages.feed import OTHER_CAMERA
-from are_ros.messages.sensors import SENSORS, SensorKind
+from are_ros.messages.sensors import CAMERA_INFO, CAMERA_INFO_TYPE, SENSORS, SensorKind, lens_topics
 from are_ros.parameters.model import Parameters, SensorsParameters
 from are_ros.wording import duration_text
 
 _HELD: Final = ("map", "octomap_point_cloud_centers", "camera/camera_info", "tf", "tf_static")
-FED_BEFORE_START: Final = (*_HELD, OTHER_CAMERA)
+FED_BEFORE_START: Final = (*_HELD, OTHER_CAMERA, CAMERA_INFO)
 _READ_ROLES: Final = (*_HELD, "odom", *SENSORS, "plan")
 
 
@@ -117,13 +117,18 @@ def topics_to_read(reader: BagReader, options: ReplayOptions, roles: RolesFound)
         if not kind.is_by_role(sensors):
             chosen = {topic: role for topic, role in chosen.items() if role != kind.role}
             chosen |= dict.fromkeys(_named_sensors(reader, kind, sensors), kind.role)
-    return {**chosen, **dict.fromkeys(_other_cameras(reader, options), OTHER_CAMERA)}
+    chosen |= dict.fromkeys(_other_cameras(reader, options), OTHER_CAMERA)
+    infos = {topic.name for topic in reader.topics if topic.type_name == CAMERA_INFO_TYPE}
+    for topic in lens_topics(chosen).values():
+        if topic in infos:
+            chosen.setdefault(topic, CAMERA_INFO)
+    return chosen
 
 
 def _other_cameras(reader: BagReader, options: ReplayOptions) -> list[str]:
     """Return the topics of `camera.others`, in their order; BagError where one is not there."""
     names = [slashed(name) for name in options.parameters.camera.others]
-    infos = {t.name for t in reader.topics if t.type_name == "sensor_msgs/msg/CameraInfo"}
+    infos = {topic.name for topic in reader.topics if topic.type_name == CAMERA_INFO_TYPE}
     for name in names:
         if name not in infos:
             known = ", ".join(sorted(infos)) or "none"
@@ -142,7 +147,7 @@ def _is_replaced(role: str, options: ReplayOptions) -> bool:
 def _named_sensors(reader: BagReader, kind: SensorKind, parameters: SensorsParameters) -> list[str]:
     """Return the topics of a kind that the parameters name; BagError where one is not there."""
     names = [f"/{name.lstrip('/')}" for name in kind.topics(parameters)]
-    found = {topic.name for topic in reader.topics if topic.type_name == kind.type_name}
+    found = {topic.name for topic in reader.topics if topic.type_name == kind.type_of(topic.name)}
     for name in names:
         if name not in found:
             known = ", ".join(sorted(found)) or "none"

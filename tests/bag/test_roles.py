@@ -101,12 +101,19 @@ def test_shared_types_are_told_apart_by_name() -> None:
     assert roles.topic("octomap_point_cloud_centers") == "/octomap_centers"
 
 
-def test_what_nothing_uses_yet_is_not_said_to_be_used() -> None:
-    """Images play no role, so that nothing is said of them."""
-    image = "sensor_msgs/msg/Image"
+def test_images_are_told_apart_by_name_and_transport() -> None:
+    """Those of depth play a role, compressed ones where there is no raw one; others do not."""
+    image, compressed = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
     roles = find_roles(topics(camera__depth=image, colour=image), {})
-    assert [entry.topic for entry in roles.found] == [None] * len(ROLE_TYPES)
-    assert roles.sentences() == ()
+    assert roles.by_topic(ROLE_TYPES) == {"/camera/depth": "depth"}
+    sentence = "depth: there is no /depth; /camera/depth, the only sensor_msgs/msg/Image named so"
+    assert roles.sentences() == (f"{sentence}, is used",)
+    both = topics(depth__image=image, depth__image__compressedDepth=compressed)
+    assert find_roles(both, {}).topic("depth") == "/depth/image"
+    alone = topics(depth__image__compressedDepth=compressed, depth__image__compressed=image)
+    assert find_roles(alone, {}).topic("depth") == "/depth/image/compressedDepth"
+    assert find_roles(topics(depth=compressed), {}).topic("depth") is None
+    assert find_roles(topics(a__depth=image, b__depth=image), {}).topic("depth") is None
     with pytest.raises(BagError, match="there is no such role"):
         find_roles(topics(image=image), {"image": "/image"})
 

@@ -1,11 +1,14 @@
 """CameraInfo of both kinds of ROS."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import pytest
+
 from are_ros.bag.types import RosbagsFactory
-from are_ros.messages.camera_info import read_camera_info
+from are_ros.messages.camera_info import encode_camera_info, read_camera_info
 from are_ros.messages.common import Header, read_header
 from are_ros.world.cameras import CameraInfo
 from bags.simulation.making import make_camera_info
@@ -24,6 +27,16 @@ def test_an_info_comes_back(factory: RosbagsFactory, over_the_wire: Callable[[An
     message = over_the_wire(make_camera_info(factory, Header("camera", 7), INFO))
     assert read_camera_info(message) == INFO
     assert read_header(message, "camera_info") == ("camera", 7)
+
+
+@pytest.mark.parametrize("info", [INFO, replace(INFO, d=(), do_rectify=True)])
+def test_the_bytes_are_those_of_the_message(
+    factory: RosbagsFactory, on_the_wire: Callable[[Any], bytes], info: CameraInfo
+) -> None:
+    """Encoding directly and serialising the object give the same."""
+    message = make_camera_info(factory, Header("camera", 7), info)
+    message.roi.do_rectify = info.do_rectify
+    assert encode_camera_info(info, "camera", 7) == on_the_wire(message)
 
 
 def test_the_names_of_ros_1_are_read(factory: RosbagsFactory) -> None:

@@ -10,7 +10,7 @@ import pytest
 from are_ros.bag.types import RosbagsFactory
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.errors import InputError
-from are_ros.messages.sensors import read_scan, sensor_outputs
+from are_ros.messages.sensors import SensorOutputs, lens_topics, read_scan, sensor_outputs
 from bags.simulation.making import make_scan
 
 SCAN = LaserScan(
@@ -54,3 +54,26 @@ def test_names_of_outputs() -> None:
     assert sensor_outputs({"/base_scan": "scan", "/tf": "tf"}) == {"/base_scan": "scan"}
     several = {"/a/scan": "scan", "/b": "scan"}
     assert sensor_outputs(several) == {"/a/scan": "a/scan", "/b": "b"}
+
+
+def test_images_go_out_with_their_camera_info() -> None:
+    """Raw and compressed ones have their types, and the namespace of a CameraInfo beside them."""
+    image, compressed = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+    info = "sensor_msgs/msg/CameraInfo"
+    raw, other = "/front/depth/image_raw", "/rear/depth/image_rect/compressedDepth"
+    assert lens_topics({raw: "depth", "/scan": "scan"}) == {raw: "/front/depth/camera_info"}
+    assert SensorOutputs({raw: "depth"}).types == {"depth/image": image, "depth/camera_info": info}
+    assert SensorOutputs({other: "depth"}).types == {
+        "depth/image/compressedDepth": compressed,
+        "depth/camera_info": info,
+    }
+    both = SensorOutputs({raw: "depth", other: "depth"})
+    assert both.types == {
+        raw[1:]: image,
+        other[1:]: compressed,
+        "front/depth/camera_info": info,
+        "rear/depth/camera_info": info,
+    }
+    assert both.relays_of(other) == [other[1:]]
+    assert both.relays_of("/front/depth/camera_info") == ["front/depth/camera_info"]
+    assert both.relays_of("/camera_info") == []

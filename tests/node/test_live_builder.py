@@ -4,6 +4,7 @@ from collections.abc import Callable, Collection, Container, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.ros import NOT_SET_UP
@@ -16,6 +17,7 @@ from are_ros.agents.events import EventKind
 from are_ros.builder.assembly import catalogue_of
 from are_ros.builder.sensors.sensor_path import SensorPathCounts
 from are_ros.builder.spawning.requests import SpawnRequest
+from are_ros.messages.common import make_header
 from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.message_classes import message_class
@@ -27,6 +29,7 @@ from are_ros.parameters.model import Parameters
 from are_ros.world.rigid_transform import RigidTransform
 from tests.node.live_bench import DELETE_ALL
 from tests.node.live_scene import (
+    FACTORY,
     QUIET,
     camera_info,
     click_at,
@@ -98,6 +101,7 @@ class Rig:
         self.inbox = Inbox()
         self.refused: list[tuple[str, str]] = []
         roles = {f"/{role}": role for role in (*ROLES, "camera/camera_info", "clicked_point")}
+        roles["/camera/depth"] = "depth"
         self.live = LiveBuilder(
             parameters,
             catalogue_of(parameters),
@@ -111,7 +115,8 @@ class Rig:
     def store(self, role: str, message: Any, t_s: float) -> bool:
         """Store an input, a message or its bytes, as received at a time."""
         data = message if isinstance(message, bytes) else serialize_message(message)
-        return self.live.store(WireMessage(f"/{role}", INPUTS[role].type_name, data), ns(t_s))
+        kind = INPUTS["depth" if role == "camera/depth" else role].type_name
+        return self.live.store(WireMessage(f"/{role}", kind, data), ns(t_s))
 
     def work(self, t_s: float) -> None:
         """Tell the time."""
@@ -161,6 +166,42 @@ def rig(make_rig: MakeRig) -> Iterator[Rig]:
     made.outlet.sent.clear()
     yield made
     assert made.refused == []
+
+
+def depth(t_s: float) -> Any:
+    """Return an image in which nothing came back, of the camera's size."""
+    return FACTORY.make(
+        "sensor_msgs/msg/Image",
+        header=make_header(FACTORY, "laser", ns(t_s)),
+        height=48,
+        width=64,
+        encoding="16UC1",
+        step=128,
+        data=np.zeros(48 * 128, np.uint8),
+    )
+
+
+def test_depth_images_wait_for_their_camera_info_and_go_out_with_it(rig: Rig) -> None:
+    """Those of the camera's own namespace; without ticks both are relayed as they came."""
+    image, info = depth(10.06), camera_info(10.06, frame_id="laser")
+    rig.store("tf_static", laser_mount(), 10.06)
+    rig.store("camera/depth", image, 10.06)
+    rig.work(10.07)
+    assert rig.outlet.take_names() == []
+    rig.store("tf", robot_at(10.1), 10.07)
+    rig.store("camera/camera_info", info, 10.08)
+    rig.work(10.09)
+    names = ["depth/camera_info", "depth/image"]
+    assert rig.outlet.sent == [
+        (name, serialize_message(message))
+        for name, message in zip(names, (info, image), strict=True)
+    ]
+    assert rig.live.builder.sensor_counts() == {"/camera/depth": SensorPathCounts(exact=1)}
+    rig.live.pause(ns(10.1))
+    rig.outlet.sent.clear()
+    rig.store("camera/depth", image, 10.2)
+    rig.store("camera/camera_info", info, 10.2)
+    assert rig.outlet.take_names() == names[::-1]
 
 
 # ------------------------------------------------------------------------------------- ticks

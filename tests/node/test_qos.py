@@ -13,6 +13,8 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 
 from are_ros.bag.roles import ROLE_TYPES
 from are_ros.errors import ParameterError
+from are_ros.messages.feed import OTHER_CAMERA
+from are_ros.messages.sensors import CAMERA_INFO
 from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.node.message_classes import message_class
 from are_ros.node.qos import (
@@ -42,9 +44,14 @@ def endpoint(node: Any, topic: str) -> Any:
 
 
 def test_inputs_are_those_of_the_design() -> None:
-    """The roles that a replay knows, in the same order, each with its type."""
-    assert list(INPUTS) == list(ROLE_TYPES)
-    assert all(entry.type_name in ROLE_TYPES[role] for role, entry in INPUTS.items())
+    """The roles that a replay finds, in the same order, each with its type.
+
+    Where the CameraInfo of images is follows from their topics, and parameters name cameras.
+    """
+    others = (CAMERA_INFO, OTHER_CAMERA)
+    found = {role: entry for role, entry in INPUTS.items() if role not in others}
+    assert list(found) == list(ROLE_TYPES)
+    assert all(entry.type_name in ROLE_TYPES[role] for role, entry in found.items())
 
 
 def test_inputs_are_asked_for_as_the_design_says() -> None:
@@ -52,8 +59,8 @@ def test_inputs_are_asked_for_as_the_design_says() -> None:
     assert requested(input_qos("map")) == ("RELIABLE", "TRANSIENT_LOCAL", 1)
     assert requested(input_qos("tf")) == ("RELIABLE", "VOLATILE", 100)
     assert requested(input_qos("tf_static")) == ("RELIABLE", "TRANSIENT_LOCAL", 100)
-    sensors = [role for role in INPUTS if role.startswith(("odom", "scan", "camera"))]
-    assert len(sensors) == 3
+    sensors = [role for role in INPUTS if role.startswith(("odom", "scan", "camera", "depth"))]
+    assert len(sensors) == 5
     assert all(requested(input_qos(role))[:2] == ("BEST_EFFORT", "VOLATILE") for role in sensors)
 
 

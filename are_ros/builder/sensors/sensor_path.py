@@ -4,7 +4,8 @@ A reading is one message of a sensor, for example a laser scan. It waits up to `
 transform at its stamp. After that, the last map->odom is combined with the interpolated
 odom->sensor (a slow correction may be held, odometry may not); if that is not possible either, the
 reading passes through unaugmented and is counted. A reading that is older than the kept poses
-passes through, too: its stamps are of another clock, or it was delayed.
+passes through, too: its stamps are of another clock, or it was delayed. An image waits for the
+first CameraInfo beside it in the same way.
 """
 
 import math
@@ -19,7 +20,7 @@ from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.population_manager import PopulationManager
 from are_ros.builder.tick import tick_period_ns
 from are_ros.conventions import NS_PER_S, seconds_to_ns
-from are_ros.errors import FrameError
+from are_ros.errors import FrameError, InputError
 from are_ros.parameters.choices import SensorGate, Shape
 from are_ros.parameters.model import Parameters, SensorsParameters
 from are_ros.world.boxes import OrientedBoxes
@@ -60,7 +61,8 @@ class Reading(Protocol):
         """Return the reading that the sensor would give if the artefacts were real.
 
         It is called once per reading, with the sensor's pose at the stamp. It returns the same
-        object if no artefact changes the reading.
+        object if no artefact changes the reading. If it raises InputError, the reading passes
+        through as it is. Of an image, `seen_through(lens)` is called before.
         """
 
 
@@ -99,7 +101,10 @@ class SensorPathCounts:
 
 
 class SensorPath:
-    """The queue of the waiting readings of one topic, in the order of reception."""
+    """The queue of the waiting readings of one topic, in the order of reception.
+
+    Readings of images also wait for the `lens`, from the CameraInfo on `lens_topic`.
+    """
 
     def __init__(
         self,
@@ -109,8 +114,11 @@ class SensorPath:
         wait_ns: int,
         history_ns: int,
         augment: Augment,
+        lens_topic: str = "",
     ) -> None:
         self.wait_ns = wait_ns
+        self.lens: Any = None
+        self._lens_topic = lens_topic
         self._history_ns = history_ns
         self.counts = SensorPathCounts()
         self.last_problem = ""
@@ -148,7 +156,7 @@ class SensorPath:
                 self._release(self._waiting.popleft(), now_ns, None)
                 continue
             pose = self._exact_pose(self._waiting[0].reading)
-            if pose is None:
+            if pose is None or self._lacks_lens():
                 return
             self._release(self._waiting.popleft(), now_ns, pose)
 
@@ -191,48 +199,72 @@ class SensorPath:
         if self._is_too_old(item.reading, now_ns):
             self._release(item, now_ns, None)
             return
+        if self._lacks_lens():
+            self._pass_through(f"no CameraInfo that can be used has come on {self._lens_topic}")
+            self._release(item, now_ns, None)
+            return
         pose = self._exact_pose(item.reading)
+        is_held = pose is None
         if pose is None:
             self._too_early.append(item)
             pose = self._held_pose(item.reading)
-        self._release(item, now_ns, pose)
+        self._release(item, now_ns, pose, is_held=is_held)
+
+    def _lacks_lens(self) -> bool:
+        return bool(self._lens_topic) and self.lens is None
+
+    def _pass_through(self, problem: str) -> None:
+        """Count a reading that is released unaugmented."""
+        self.counts.passed_through += 1
+        self.last_problem = problem
 
     def _is_too_old(self, reading: Reading, now_ns: int) -> bool:
         """Return whether a reading is older than the kept poses of artefacts, and count it."""
         age_ns = now_ns - reading.stamp_ns
         if age_ns <= self._history_ns:
             return False
-        self.counts.passed_through += 1
-        self.last_problem = (
+        self._pass_through(
             f"its stamp is {age_ns / NS_PER_S:.1f} s old, but the artefacts' poses are kept for "
             f"{self._history_ns / NS_PER_S:g} s only (poses.history); most often clocks differ"
         )
         return True
 
     def _exact_pose(self, reading: Reading) -> RigidTransform | None:
-        pose = self._frames.try_lookup(self._map_frame, reading.frame_id, reading.stamp_ns)
-        self.counts.exact += pose is not None
-        return pose
+        return self._frames.try_lookup(self._map_frame, reading.frame_id, reading.stamp_ns)
 
     def _held_pose(self, reading: Reading) -> RigidTransform | None:
         has_odometry = self._frames.has_frame(self._odom_frame)
         try:
             if not has_odometry:
                 return self._frames.lookup(self._map_frame, reading.frame_id, reading.stamp_ns)
-            pose = self._frames.lookup_held(
+            return self._frames.lookup_held(
                 self._map_frame, self._odom_frame, reading.frame_id, reading.stamp_ns
             )
         except FrameError as cause:
-            self.counts.passed_through += 1
-            self.last_problem = str(cause)
+            self._pass_through(str(cause))
             return None
-        self.counts.held += 1
-        return pose
 
-    def _release(self, item: _Waiting, now_ns: int, map_from_sensor: RigidTransform | None) -> None:
-        reading, is_augmented = item.reading, map_from_sensor is not None
+    def _release(
+        self,
+        item: _Waiting,
+        now_ns: int,
+        map_from_sensor: RigidTransform | None,
+        *,
+        is_held: bool = False,
+    ) -> None:
+        """Release a reading, augmented if the sensor's pose is known."""
+        reading: Any = item.reading
+        if self._lens_topic and self.lens is not None:
+            reading = reading.seen_through(self.lens)
+        is_augmented = map_from_sensor is not None
         if map_from_sensor is not None:
-            reading = self._augment(reading, map_from_sensor)
+            try:
+                reading = self._augment(reading, map_from_sensor)
+            except InputError as cause:
+                self._pass_through(str(cause))
+                is_augmented = False
+        self.counts.held += is_augmented and is_held
+        self.counts.exact += is_augmented and not is_held
         self._released.append(
             ReleasedReading(item.topic, reading, now_ns, is_augmented, item.reading)
         )
@@ -257,6 +289,8 @@ class SensorAugmentation:
         self._lives = lives
         self._meshes = meshes
         self._paths: dict[str, SensorPath] = {}
+        self._lens_topics: dict[str, str] = {}
+        self._lenses: dict[str, Any] = {}
 
     def reconfigure(self, settings: SensorsParameters) -> None:
         """Use other settings from now on; a new wait applies to later readings."""
@@ -269,17 +303,30 @@ class SensorAugmentation:
         if self._paths:
             VoxelField.of(environment.voxels)
 
+    def await_lens(self, topic: str, lens_topic: str) -> None:
+        """Let the images of a topic wait for the first CameraInfo, which comes on another topic."""
+        self._lens_topics[topic] = lens_topic
+
+    def receive_lens(self, topic: str, lens: Any, received_ns: int) -> None:
+        """Use a lens for the images of a topic that are released from now on."""
+        self._lenses[topic] = lens
+        if topic in self._paths:
+            self._paths[topic].lens = lens
+            self._paths[topic].transforms_came(received_ns)
+
     def push(self, topic: str, reading: Reading, received_ns: int) -> None:
         """Take a reading; topics do not wait for each other."""
         if topic not in self._paths:
-            self._paths[topic] = SensorPath(
+            self._paths[topic] = path = SensorPath(
                 self._frames,
                 self._frame_names.map,
                 self._frame_names.odom,
                 seconds_to_ns(self._settings.tf_wait),
                 self._history_ns,
                 self._augmented,
+                self._lens_topics.get(topic, ""),
             )
+            path.lens = self._lenses.get(topic)
         self._paths[topic].push(topic, reading, received_ns)
 
     def transforms_came(self, now_ns: int) -> None:
@@ -339,4 +386,6 @@ class SensorAugmentation:
             shapes = MeshSelection.boxes_only(len(scene))
         environment = self._lives.environment
         surface = VoxelField.of(environment.voxels) if environment else None
-        return reading.augmented(map_from_sensor, Obstacles(scene.boxes, shapes, surface))
+        farthest_m = self._settings.depth_range or math.inf
+        obstacles = Obstacles(scene.boxes, shapes, surface, farthest_m)
+        return reading.augmented(map_from_sensor, obstacles)

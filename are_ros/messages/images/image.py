@@ -17,21 +17,29 @@ TRANSPORTS: Final = ("compressed", "compressedDepth", "theora", "zstd", "ffmpeg"
 """Transports of image_transport: a topic's last part is one of these if it is not raw."""
 
 
+def transport_of(topic: str) -> str:
+    """Return the transport of an image's topic, empty if it is raw."""
+    last = topic.rpartition("/")[2]
+    return last if last in TRANSPORTS else ""
+
+
+def raw_topic(topic: str) -> str:
+    """Return the topic of an image without its transport."""
+    return topic.removesuffix(f"/{transport_of(topic)}") if transport_of(topic) else topic
+
+
 def camera_info_topic(topic: str) -> str:
     """Return the topic of an image's CameraInfo, by the convention of image_transport.
 
     It is `camera_info` in the namespace of the image; its transport is no part of that.
     """
-    base, _, last = topic.rpartition("/")
-    if last in TRANSPORTS:
-        base = base.rpartition("/")[0]
-    return f"{base}/camera_info" if base else ("/" if topic.startswith("/") else "") + "camera_info"
+    namespace, slash, _ = raw_topic(topic).rpartition("/")
+    return f"{namespace}{slash}camera_info"
 
 
 def is_rectified(topic: str) -> bool:
     """Return whether an image is rectified, by the convention of image_proc: image_rect."""
-    base, _, last = topic.rpartition("/")
-    return "rect" in (base.rpartition("/")[2] if last in TRANSPORTS else last)
+    return "rect" in raw_topic(topic).rpartition("/")[2]
 
 
 def read_image(message: Any, source: str = "image") -> Image:

@@ -11,7 +11,7 @@ from are_ros.bag.stretches import Stretches, scan_waits, stretches_of, wait_sent
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.camera_info import read_camera_info
-from are_ros.messages.sensors import SENSORS
+from are_ros.messages.sensors import SENSORS, lens_topics
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.model import PosesParameters, SensorsParameters
 from are_ros.replay.survey.frame_survey import FrameSurvey, FrameSurveyor, hertz, static_tf_option
@@ -105,6 +105,7 @@ def inspect_bag(
         *_missing_mounts(survey, (*sensors, *scans), frame_ids, base_frame),
         *_missing_cloud_frame(survey, roles.topic(_CLOUD), frame_ids, map_frame),
         *_missing_camera(reader, roles),
+        *_missing_lenses(reader, sensors),
     ]
     return Inspection(
         reader.start_ns,
@@ -313,6 +314,14 @@ def _missing_camera(reader: BagReader, roles: RolesFound) -> Iterable[str]:
             f"{topic} begins {late_ns / NS_PER_S:.1f} s after what moves, and nothing is perceived"
             f" before: {WITHOUT_CAMERA_INFO}"
         )
+
+
+def _missing_lenses(reader: BagReader, sensors: Mapping[str, str]) -> Iterable[str]:
+    """Say which images lack the CameraInfo beside them."""
+    filled = {topic.name for topic in reader.topics if topic.count > 0}
+    for topic, lens_topic in lens_topics(sensors).items():
+        if lens_topic not in filled:
+            yield f"{topic} has no CameraInfo beside it, on {lens_topic}: it is not augmented"
 
 
 # The text of `are inspect`.

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from are_ros.builder.sensors.laser_scan import LaserScan
-from are_ros.builder.sensors.sensor_path import SensorPath
+from are_ros.builder.sensors.sensor_path import Obstacles, SensorPath, SensorPathCounts
+from are_ros.errors import InputError
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.transforms.tree import FrameTree
 
@@ -411,3 +412,66 @@ def test_a_cloud_hides_as_the_camera_sees_it(make_scene: Callable[..., Any]) -> 
         scene.place(0, (3.3, 2.05), 0.1)
         scene.scan(0.2, ranges=(np.inf,) * 360)
         assert np.isfinite(released(scene).ranges[180]) == is_met
+
+
+class Picture:
+    """An image whose augmentation needs a lens of the right size."""
+
+    frame_id, stamp_ns = "laser", 40
+
+    def __init__(self, lens: int = 0) -> None:
+        self.lens = lens
+
+    def seen_through(self, lens: int) -> "Picture":
+        """Return it with a lens."""
+        return Picture(lens)
+
+    def augmented(self, _: RigidTransform, obstacles: Obstacles) -> "Picture":
+        """Return it as it is."""
+        del obstacles
+        return self
+
+
+def picture_path() -> SensorPath:
+    """Return a path of images whose transform is known."""
+    frames = FrameTree()
+    frames.set_static("map", "laser", (0.0, 0.0, 0.0), NO_TURN)
+
+    def augment(image: Picture, _pose: RigidTransform) -> Picture:
+        if image.lens != 640:
+            raise InputError(f"it has 640 columns, and /d/camera_info {image.lens}")
+        return image
+
+    return SensorPath(frames, "map", "odom", WAIT_NS, HISTORY_NS, augment, "/d/camera_info")
+
+
+def test_an_image_waits_for_its_lens() -> None:
+    """It leaves when the first CameraInfo comes, later ones at once."""
+    path = picture_path()
+    path.push("/d/image", Picture(), 42)
+    assert path.take() == []
+    path.lens = 640
+    path.transforms_came(60)
+    path.push("/d/image", Picture(), 70)
+    assert [(r.reading.lens, r.released_ns, r.is_augmented) for r in path.take()] == [
+        (640, 60, True),
+        (640, 70, True),
+    ]
+    assert path.counts == SensorPathCounts(exact=2)
+
+
+def test_an_image_whose_lens_never_comes_passes_through() -> None:
+    """After its wait, counted, and with the reason; so does one that does not fit its lens."""
+    path = picture_path()
+    image = Picture()
+    path.push("/d/image", image, 42)
+    path.deadline_passed(92)
+    (released,) = path.take()
+    assert (released.reading, released.is_augmented) == (image, False)
+    assert path.last_problem == "no CameraInfo that can be used has come on /d/camera_info"
+    path.lens = 320
+    path.push("/d/image", Picture(), 100)
+    (released,) = path.take()
+    assert (released.reading.lens, released.is_augmented) == (320, False)
+    assert path.last_problem == "it has 640 columns, and /d/camera_info 320"
+    assert path.counts == SensorPathCounts(passed_through=2)
