@@ -243,6 +243,32 @@ class PinholeView:
         """Return the unit rays; see `ViewModel`."""
         return self._directions
 
+    @cached_property
+    def _radial_limit(self) -> float:
+        return radial_limit(np.array(self.distortion))
+
+    @property
+    def is_straight(self) -> bool:
+        """Whether straight lines have straight images."""
+        return not any(self.distortion)
+
+    def project(self, points_m: _Floats) -> _Floats:
+        """Return the pixels (N, 2) of points (N, 3) of the camera's frame.
+
+        NaN for what is behind the camera, or where the lens model is not one to one.
+        """
+        points = points_m @ self._rotation().T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slopes = np.where(points[:, 2:] > 0.0, points[:, :2] / points[:, 2:], np.nan)
+        if not self.is_straight:
+            numbers = np.array(self.distortion)
+            x, y = slopes.T
+            is_outside = np.hypot(x, y) > self._radial_limit
+            slopes = np.column_stack(_distorted(x, y, numbers)[:2])
+            slopes[is_outside] = np.nan
+        pixels: _Floats = slopes * (self.fx, self.fy) + (self.cx, self.cy)
+        return pixels
+
     def _rotation(self) -> npt.NDArray[np.float64]:
         numbers = self.rectified_from_camera
         return np.array(numbers).reshape(3, 3) if numbers else np.eye(3)
@@ -288,6 +314,28 @@ class FisheyeView:
     def directions(self) -> Rays:
         """Return the unit rays; see `ViewModel`."""
         return self._directions
+
+    @property
+    def is_straight(self) -> bool:
+        """Whether straight lines have straight images."""
+        return False
+
+    @cached_property
+    def _angular_limit(self) -> float:
+        return angular_limit(np.array(self.distortion))
+
+    def project(self, points_m: _Floats) -> _Floats:
+        """Return the pixels (N, 2) of points (N, 3) of the camera's frame.
+
+        NaN for what lies beyond the largest angle that the polynomial reaches.
+        """
+        aside = np.hypot(points_m[:, 0], points_m[:, 1])
+        angles = np.arctan2(aside, points_m[:, 2])
+        numbers = np.array(self.distortion)
+        radii = np.where(angles <= self._angular_limit, _angular(angles, numbers)[0], np.nan)
+        turns = points_m[:, :2] / np.maximum(aside, 1e-12)[:, np.newaxis]
+        pixels: _Floats = turns * radii[:, np.newaxis] * (self.fx, self.fy) + (self.cx, self.cy)
+        return pixels
 
     def rays_to_depth(self) -> npt.NDArray[np.float64]:
         """Return the rays to 1 m of depth, float64 (height, width, 3).

@@ -1,0 +1,1 @@
+"""Artefacts drawn into the images of a camera: hidden to the pixel, in the light of the place."""

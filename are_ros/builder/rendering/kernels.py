@@ -1,0 +1,287 @@
+"""Drawing triangles into an image whose pixels have any rays, and shading what is seen.
+
+Each pixel has four samples, 2 x 2. A triangle is met exactly along the ray of a sample, so every
+lens is served alike; its projection only bounds where to look.
+"""
+
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros._compiled import compiled
+
+Floats = npt.NDArray[np.float32]
+Integers = npt.NDArray[np.int32]
+
+SAMPLES: Final = 2
+"""Samples along each side of a pixel."""
+TIE_M: Final = np.float32(0.02)
+"""A real surface hides what is farther than this behind it: depth cameras are not exact."""
+FLOOR_M: Final = np.float32(0.06)
+"""A real surface that is less than this above the artefact's ground is the ground: it hides
+nothing, however noisy it is."""
+_EDGE: Final = np.float32(1e-5)
+_ZERO: Final = np.float32(0.0)
+_ONE: Final = np.float32(1.0)
+_FOUR: Final = np.float32(SAMPLES * SAMPLES)
+
+
+@compiled
+def draw(
+    rays: Floats,
+    corners: Floats,
+    bounds: Integers,
+    is_closed: bool,
+    ranges: Floats,
+    faces: Integers,
+) -> None:
+    """Lower the ranges (H, W) of samples to the first hit on any triangle, and note which it was.
+
+    `rays` (H, W, 3) are unit, zero where there is none, and `corners` (F, 3, 3) are in the camera's
+    frame. Triangle f is looked for at columns bounds[f, 0] to bounds[f, 2] and rows bounds[f, 1] to
+    bounds[f, 3], the ends left out. Of a closed surface the far side is left out.
+    """
+    for face in range(corners.shape[0]):
+        left, top, right, bottom = bounds[face]
+        if left >= right or top >= bottom:
+            continue
+        triangle = corners[face]
+        sx, sy, sz = -triangle[0, 0], -triangle[0, 1], -triangle[0, 2]
+        ax, ay, az = triangle[1, 0] + sx, triangle[1, 1] + sy, triangle[1, 2] + sz
+        bx, by, bz = triangle[2, 0] + sx, triangle[2, 1] + sy, triangle[2, 2] + sz
+        nx, ny, nz = by * az - bz * ay, bz * ax - bx * az, bx * ay - by * ax
+        ux, uy, uz = by * sz - bz * sy, bz * sx - bx * sz, bx * sy - by * sx
+        vx, vy, vz = sy * az - sz * ay, sz * ax - sx * az, sx * ay - sy * ax
+        above = bx * vx + by * vy + bz * vz
+        if is_closed and above <= _ZERO:
+            continue
+        for row in range(top, bottom):
+            for column in range(left, right):
+                x, y, z = rays[row, column, 0], rays[row, column, 1], rays[row, column, 2]
+                scale = _ONE / (x * nx + y * ny + z * nz)
+                u = (x * ux + y * uy + z * uz) * scale
+                v = (x * vx + y * vy + z * vz) * scale
+                t = above * scale
+                is_met = (u >= -_EDGE) & (v >= -_EDGE) & (u + v <= _ONE + _EDGE) & (t > _ZERO)
+                if is_met and t < ranges[row, column]:
+                    ranges[row, column] = t
+                    faces[row, column] = face
+
+
+@compiled
+def merge(
+    pixel_rays: Floats,
+    window: Integers,
+    body: int,
+    ranges: Floats,
+    faces: Integers,
+    real: Floats,
+    up: Floats,
+    heights_m: Floats,
+    front: Floats,
+    front_body: Integers,
+    front_face: Integers,
+) -> int:
+    """Put a body into the image where it is in front, and clear its samples; return their number.
+
+    `window` (4,) is the rectangle of samples in which it was drawn. `real` (H, W) are the ranges
+    of what is really there along the rays of the pixels (H, W, 3). `up` (3,) is the map's z in the
+    camera's frame, and `heights_m` (2,) how far camera and ground are above the map's origin.
+    """
+    met = 0
+    for row in range(window[1], window[3]):
+        for column in range(window[0], window[2]):
+            t = ranges[row, column]
+            if not t < np.inf:
+                continue
+            met += 1
+            face = faces[row, column]
+            ranges[row, column] = np.inf
+            there = real[row // SAMPLES, column // SAMPLES]
+            if there + TIE_M < t:
+                ray = pixel_rays[row // SAMPLES, column // SAMPLES]
+                climb = ray[0] * up[0] + ray[1] * up[1] + ray[2] * up[2]
+                height = heights_m[0] + there * climb
+                if height > heights_m[1] + FLOOR_M:
+                    continue
+            if t < front[row, column]:
+                front[row, column] = t
+                front_body[row, column] = body
+                front_face[row, column] = face
+    return met
+
+
+@compiled
+def shade(
+    rays: Floats,
+    window: Integers,
+    body: int,
+    corners: Floats,
+    normals: Floats,
+    colours: Floats,
+    uvs: Floats,
+    texture: npt.NDArray[np.uint8],
+    linear: Floats,
+    light: Floats,
+    front_body: Integers,
+    front_face: Integers,
+    layer: Floats,
+) -> int:
+    """Add the light that a body sends to the layer (H, W, 4); return the number of its samples.
+
+    The layer has linear red, green, blue, and the covered share, for each pixel. `corners` and
+    `normals` are in the camera's frame. `light` (3, 3) has the direction to the lamp there, the
+    direction up, and the strength of lamp, of the sky above, and of the ground below. `linear`
+    (256,) are the intensities of sRGB values.
+    """
+    seen = 0
+    height, width = texture.shape[0], texture.shape[1]
+    for row in range(window[1], window[3]):
+        for column in range(window[0], window[2]):
+            if front_body[row, column] != body:
+                continue
+            seen += 1
+            face = front_face[row, column]
+            triangle = corners[face]
+            x, y, z = rays[row, column, 0], rays[row, column, 1], rays[row, column, 2]
+            sx, sy, sz = -triangle[0, 0], -triangle[0, 1], -triangle[0, 2]
+            ax, ay, az = triangle[1, 0] + sx, triangle[1, 1] + sy, triangle[1, 2] + sz
+            bx, by, bz = triangle[2, 0] + sx, triangle[2, 1] + sy, triangle[2, 2] + sz
+            nx, ny, nz = by * az - bz * ay, bz * ax - bx * az, bx * ay - by * ax
+            scale = _ONE / (x * nx + y * ny + z * nz)
+            u = (
+                x * (by * sz - bz * sy) + y * (bz * sx - bx * sz) + z * (bx * sy - by * sx)
+            ) * scale
+            v = (
+                x * (sy * az - sz * ay) + y * (sz * ax - sx * az) + z * (sx * ay - sy * ax)
+            ) * scale
+            w = _ONE - u - v
+            one, two, three = normals[face, 0], normals[face, 1], normals[face, 2]
+            mx = w * one[0] + u * two[0] + v * three[0]
+            my = w * one[1] + u * two[1] + v * three[1]
+            mz = w * one[2] + u * two[2] + v * three[2]
+            length = np.sqrt(mx * mx + my * my + mz * mz)
+            towards = -(x * mx + y * my + z * mz)
+            turn = (_ONE if towards >= _ZERO else -_ONE) / max(length, np.float32(1e-12))
+            lamp = turn * (mx * light[0, 0] + my * light[0, 1] + mz * light[0, 2])
+            upward = turn * (mx * light[1, 0] + my * light[1, 1] + mz * light[1, 2])
+            sky = np.float32(0.5) * (_ONE + upward)
+            bright = light[2, 0] * max(lamp, _ZERO) + light[2, 1] * sky + light[2, 2] * (_ONE - sky)
+            pixel = layer[row // SAMPLES, column // SAMPLES]
+            across = w * uvs[face, 0, 0] + u * uvs[face, 1, 0] + v * uvs[face, 2, 0]
+            if not np.isnan(across):
+                along = w * uvs[face, 0, 1] + u * uvs[face, 1, 1] + v * uvs[face, 2, 1]
+                across -= np.floor(across)
+                along -= np.floor(along)
+                tx = min(int(across * width), width - 1)
+                ty = min(int((_ONE - along) * height), height - 1)
+                for channel in range(3):
+                    pixel[channel] += bright * linear[texture[ty, tx, channel]] / _FOUR
+            else:
+                for channel in range(3):
+                    own = (
+                        w * colours[face, 0, channel]
+                        + u * colours[face, 1, channel]
+                        + v * colours[face, 2, channel]
+                    )
+                    pixel[channel] += bright * own / _FOUR
+            pixel[3] += _ONE / _FOUR
+    return seen
+
+
+@compiled
+def darken(
+    rays: Floats,
+    window: Integers,
+    camera: Floats,
+    map_from_camera: Floats,
+    box: Floats,
+    real: Floats,
+    strength: np.float32,
+    shadow: Floats,
+) -> None:
+    """Lower the share (H, W) of the light that reaches the floor near a body.
+
+    `camera` (3,) is the camera's place, `map_from_camera` (3, 3) its rotation, `box` (7,) the
+    body's x, y, the height of its ground, cosine and sine of its yaw, and half its length and
+    width. `window` is in pixels. Where what is really there is no floor, nothing changes.
+    """
+    for row in range(window[1], window[3]):
+        for column in range(window[0], window[2]):
+            x, y, z = rays[row, column, 0], rays[row, column, 1], rays[row, column, 2]
+            down = map_from_camera[2, 0] * x + map_from_camera[2, 1] * y + map_from_camera[2, 2] * z
+            if not down < np.float32(-1e-3):
+                continue
+            t = (box[2] - camera[2]) / down
+            there = real[row, column]
+            if not t > _ZERO or there + FLOOR_M / -down < t:
+                continue
+            east = map_from_camera[0, 0] * x + map_from_camera[0, 1] * y + map_from_camera[0, 2] * z
+            north = (
+                map_from_camera[1, 0] * x + map_from_camera[1, 1] * y + map_from_camera[1, 2] * z
+            )
+            px, py = camera[0] + t * east - box[0], camera[1] + t * north - box[1]
+            along = (box[3] * px + box[4] * py) / box[5]
+            across = (box[3] * py - box[4] * px) / box[6]
+            beyond = np.sqrt(along * along + across * across) - np.float32(0.75)
+            away_m = max(beyond, _ZERO) * min(box[5], box[6])
+            if away_m > np.float32(0.8):
+                continue
+            near = np.exp(-((away_m / np.float32(0.06)) ** 2))
+            wide = np.exp(-((away_m / np.float32(0.3)) ** 2))
+            dark = strength * (np.float32(0.6) * near + np.float32(0.4) * wide)
+            shadow[row, column] = min(shadow[row, column], _ONE - dark)
+
+
+@compiled
+def cover(window: Integers, front_body: Integers, mask: Integers) -> None:
+    """Note in the mask (H, W) which body has at least two of the four samples of a pixel.
+
+    `window` is in pixels. Of two bodies with two samples each the one with the higher number.
+    """
+    for row in range(window[1], window[3]):
+        for column in range(window[0], window[2]):
+            first, second = front_body[2 * row, 2 * column], front_body[2 * row, 2 * column + 1]
+            third, last = (
+                front_body[2 * row + 1, 2 * column],
+                front_body[2 * row + 1, 2 * column + 1],
+            )
+            best = -1
+            if first in (second, third, last):
+                best = first
+            if second in (third, last):
+                best = max(best, second)
+            if third == last:
+                best = max(best, third)
+            mask[row, column] = best
+
+
+@compiled
+def blend(
+    layer: Floats,
+    shadow: Floats,
+    gain: Floats,
+    noise: Floats,
+    linear: Floats,
+    srgb: npt.NDArray[np.uint8],
+    pixels: npt.NDArray[np.uint8],
+) -> None:
+    """Lay a layer (H, W, 4) over pixels (H, W, 3), whose light the shadow (H, W) lowers before.
+
+    `gain` (3,) is the strength of the light, `noise` (H, W) what the sensor adds, in steps of 8
+    bits. `linear` (256,) and `srgb` (4096,) convert. Other pixels keep their bits.
+    """
+    for row in range(layer.shape[0]):
+        for column in range(layer.shape[1]):
+            alpha = min(layer[row, column, 3], _ONE)
+            kept = shadow[row, column]
+            if alpha <= np.float32(0.002) and kept >= np.float32(0.999):
+                continue
+            grain = noise[row, column] * alpha
+            for channel in range(3):
+                behind = linear[pixels[row, column, channel]] * kept
+                mixed = layer[row, column, channel] * gain[channel] + (_ONE - alpha) * behind
+                place = min(max(int(mixed * np.float32(4095.0)), 0), 4095)
+                number = np.float32(srgb[place]) + grain
+                pixels[row, column, channel] = np.uint8(min(max(number, _ZERO), np.float32(255.0)))

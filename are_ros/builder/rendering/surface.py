@@ -1,0 +1,111 @@
+"""What is drawn of an artefact: triangles with normals, colours and a texture."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.population.catalogue import CatalogueRow
+from are_ros.population.meshes.geometry import surface_of
+from are_ros.population.meshes.shapes import Shape
+
+Floats = npt.NDArray[np.float32]
+
+_CREASE: Final = 0.6
+"""Faces that meet at less than the angle of this cosine, 53 degrees, are one rounded surface."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """F triangles in the frame of the artefact's bounding box, as the kernels take them.
+
+    `corners_m` float32 (F, 3, 3) [m]; `normals` float32 (F, 3, 3), unit, at the corners; `colours`
+    float32 (F, 3, 3), linear red, green and blue at the corners. `uvs` float32 (F, 3, 2) are places
+    in the `texture` uint8 (H, W, 3), sRGB, from its lower left corner; NaN where a face has none.
+    The far side of a surface that `is_closed`, with corners anticlockwise from outside, is hidden.
+    """
+
+    corners_m: Floats
+    normals: Floats
+    colours: Floats
+    uvs: Floats
+    texture: npt.NDArray[np.uint8]
+    is_closed: bool
+
+    @classmethod
+    def of_row(cls, row: CatalogueRow) -> "Surface":
+        """Return the surface of a row, with the colours of its faces."""
+        vertices_m, faces, colours = surface_of(row)
+        corners = (vertices_m - np.array(row.box_centre_in_artefact_m))[faces]
+        return cls.of(corners, colours[:, :3], is_closed=isinstance(row.surface, Shape))
+
+    @classmethod
+    def of(
+        cls,
+        corners_m: npt.NDArray[np.float64],
+        colours: npt.NDArray[np.float64],
+        *,
+        is_closed: bool = False,
+    ) -> "Surface":
+        """Return a surface of corners (F, 3, 3) [m] and sRGB colours (F, 3) of faces in [0, 1]."""
+        linear = np.repeat(to_linear(colours)[:, np.newaxis], 3, axis=1)
+        return cls(
+            np.ascontiguousarray(corners_m, dtype=np.float32),
+            corner_normals(corners_m).astype(np.float32),
+            np.ascontiguousarray(linear, dtype=np.float32),
+            np.full((len(corners_m), 3, 2), np.nan, dtype=np.float32),
+            np.zeros((1, 1, 3), dtype=np.uint8),
+            is_closed,
+        )
+
+
+def to_linear(srgb: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
+    """Return linear intensities of sRGB values in [0, 1] (IEC 61966-2-1)."""
+    bent = ((srgb + 0.055) / 1.055) ** 2.4
+    linear: npt.NDArray[np.floating] = np.where(srgb <= 0.04045, srgb / 12.92, bent)
+    return linear
+
+
+def to_srgb(linear: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
+    """Return sRGB values in [0, 1] of linear intensities."""
+    clipped = np.clip(linear, 0.0, 1.0)
+    bent = 1.055 * clipped ** (1 / 2.4) - 0.055
+    srgb: npt.NDArray[np.floating] = np.where(clipped <= 0.0031308, clipped * 12.92, bent)
+    return srgb
+
+
+def corner_normals(corners_m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return unit normals (F, 3, 3) at the corners (F, 3, 3) of triangles.
+
+    A corner has the mean normal, by area, of the faces that meet there and bend less than the
+    crease from its own face.
+    """
+    across = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
+    lengths = np.linalg.norm(across, axis=1, keepdims=True)
+    faces = across / np.maximum(lengths, 1e-30)
+    places = np.rint(corners_m.reshape(-1, 3) * 1e5).astype(np.int64)
+    _, points = np.unique(places, axis=0, return_inverse=True)
+    points = points.reshape(-1)
+    order = np.argsort(points, kind="stable")
+    starts = np.flatnonzero(np.diff(points[order], prepend=-1))
+    normals = np.empty((len(points), 3))
+    for group in np.split(order, starts[1:]):
+        own = faces[group // 3]
+        is_near = own @ own.T >= _CREASE
+        normals[group] = is_near @ across[group // 3]
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    return normals.reshape(-1, 3, 3)
+
+
+class SurfaceBank:
+    """Makes the surface of a row when it is first asked for, and keeps it."""
+
+    def __init__(self) -> None:
+        self._surfaces: dict[int, Surface] = {}
+
+    def of(self, row: CatalogueRow) -> Surface:
+        """Return the surface of a row."""
+        if row.index not in self._surfaces:
+            self._surfaces[row.index] = Surface.of_row(row)
+        return self._surfaces[row.index]

@@ -1,0 +1,302 @@
+"""Painting artefacts into images, against a slow twin that meets each triangle with each ray."""
+
+import math
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from are_ros.builder.rendering.painter import Lighting, PaintedBody, Painter, Painting
+from are_ros.builder.rendering.surface import Surface, corner_normals, to_linear, to_srgb
+from are_ros.world.cameras import FORWARD_FROM_OPTICAL, FisheyeView, PinholeView
+from are_ros.world.rigid_transform import RigidTransform
+
+Floats = npt.NDArray[np.float64]
+PINHOLE = PinholeView(64, 48, 40.0, 41.0, 31.0, 23.0)
+DISTORTED = PinholeView(64, 48, 40.0, 41.0, 31.0, 23.0, (-0.25, 0.03, 0.002, -0.001) + (0.0,) * 10)
+FISHEYE = FisheyeView(64, 48, 22.0, 22.0, 31.0, 23.0, (0.02, -0.01, 0.0, 0.0))
+RECTIFIED = replace(
+    PINHOLE, rectified_from_camera=(0.9998, 0.0, 0.02, 0.0, 1.0, 0.0, -0.02, 0.0, 0.9998)
+)
+VIEWS: dict[str, PinholeView | FisheyeView] = {
+    "pinhole": PINHOLE,
+    "distorted": DISTORTED,
+    "fisheye": FISHEYE,
+    "rectified": RECTIFIED,
+}
+PLAIN = Lighting(is_estimated=False, shadow=0.0, blur_px=0.0, noise=0.0)
+CAMERA = RigidTransform.from_xyz_ypr(0.0, 0.0, 1.0, 0.0, 0.0, 0.0) @ FORWARD_FROM_OPTICAL
+NOTHING = np.full((48, 64), np.inf, dtype=np.float32)
+GREY = np.full((48, 64, 3), 120, dtype=np.uint8)
+
+
+def cube(half: float = 0.5) -> Surface:
+    """Return a closed grey cube."""
+    signs = np.array([[k & 1, k >> 1 & 1, k >> 2 & 1] for k in range(8)]) * 2.0 * half - half
+    faces = np.array(
+        [
+            *((0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1, 5, 4)),
+            *((2, 6, 3), (3, 6, 7), (0, 4, 2), (2, 4, 6), (1, 3, 5), (3, 7, 5)),
+        ]
+    )
+    return Surface.of(signs[faces], np.full((12, 3), 0.6), is_closed=True)
+
+
+def standing(
+    surface: Surface, x: float, y: float, yaw: float = 0.3, half: float = 0.5
+) -> PaintedBody:
+    """Return a body on the floor."""
+    pose = RigidTransform.planar(x, y, yaw, half)
+    return PaintedBody(surface, pose, np.full(3, half), 0.0)
+
+
+def paint(
+    painter: Painter,
+    bodies: list[PaintedBody],
+    real: npt.NDArray[np.float32] = NOTHING,
+    lighting: Lighting = PLAIN,
+    pixels: npt.NDArray[np.uint8] = GREY,
+) -> Painting:
+    """Paint with a fixed seed."""
+    return painter.paint(pixels, CAMERA, bodies, real, lighting, np.random.default_rng(1))
+
+
+def ranges_of(painter: Painter, body: PaintedBody) -> Floats:
+    """Return the first hits of all samples on a body, one triangle at a time; inf where none."""
+    rays = painter.sample_rays.astype(np.float64)
+    camera_from_box = CAMERA.inverse() @ body.map_from_box
+    turn = camera_from_box.rotation_matrix()
+    best = np.full(rays.shape[:2], np.inf)
+    for triangle in body.surface.corners_m.astype(np.float64):
+        corner, second, third = triangle @ turn.T + camera_from_box.translation_m
+        a, b = second - corner, third - corner
+        across = np.cross(rays, b)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scale = 1.0 / (across @ a)
+            u = -(across @ corner) * scale
+            beside = np.cross(-corner, a)
+            v, t = (rays @ beside) * scale, (b @ beside) * scale
+        hit = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (t > 0.0)
+        best = np.where(hit, np.fmin(best, t), best)
+    return best
+
+
+def quarters(samples: npt.NDArray[np.bool_]) -> Floats:
+    """Return the share of each pixel's four samples."""
+    rows, columns = samples.shape
+    four = samples.reshape(rows // 2, 2, columns // 2, 2)
+    share: Floats = four.mean(axis=(1, 3))
+    return share
+
+
+@pytest.mark.parametrize("name", VIEWS)
+def test_a_body_covers_the_pixels_whose_rays_meet_it(name: str) -> None:
+    """Within a thousandth of the samples: rays are float32. Its share is the mask."""
+    painter = Painter(VIEWS[name])
+    body = standing(cube(), 2.5, 0.2)
+    hits = np.isfinite(ranges_of(painter, body))
+    painting = paint(painter, [body])
+    assert painting.visible_fractions == pytest.approx([1.0])
+    share = quarters(hits)
+    is_sure = (share == 0.0) | (share == 1.0)
+    wrong = (painting.mask == 0) != (share >= 0.5)
+    assert (share == 1.0).sum() > 60
+    assert np.count_nonzero(wrong & is_sure) == 0
+    assert np.count_nonzero(wrong) <= 3
+    assert painting.pixels is not None
+    is_changed = (painting.pixels != GREY).any(axis=2)
+    assert not is_changed[share == 0.0].any()
+    assert is_changed[share == 1.0].all()
+
+
+@pytest.mark.parametrize("name", ["pinhole", "distorted", "fisheye"])
+def test_points_are_projected_as_opencv_does(name: str) -> None:
+    """And a pixel's ray goes back to the pixel."""
+    view = VIEWS[name]
+    rays = view.directions().reshape(-1, 3).astype(np.float64)
+    places = np.stack(np.meshgrid(np.arange(64), np.arange(48)), axis=2).reshape(-1, 2)
+    assert rays.any(axis=1).all()
+    assert view.project(3.0 * rays) == pytest.approx(places, abs=1e-3)
+    points = np.random.default_rng(2).uniform((-1, -1, 1.2), (1, 1, 5), (500, 3))
+    assert view.project(points) == pytest.approx(by_opencv(view, points), abs=1e-6)
+
+
+def by_opencv(view: PinholeView | FisheyeView, points: Floats) -> Floats:
+    """Return the pixels (N, 2) of points (N, 3)."""
+    matrix = np.array(((view.fx, 0.0, view.cx), (0.0, view.fy, view.cy), (0.0, 0.0, 1.0)))
+    none, numbers = np.zeros(3), np.array(view.distortion)
+    if isinstance(view, FisheyeView):
+        found, _ = cv2.fisheye.projectPoints(points[:, np.newaxis], none, none, matrix, numbers)
+    else:
+        found, _ = cv2.projectPoints(points, none, none, matrix, numbers[:8])
+    pixels: Floats = np.asarray(found, dtype=np.float64).reshape(-1, 2)
+    return pixels
+
+
+def test_what_is_behind_the_camera_or_beyond_the_lens_has_no_pixel() -> None:
+    """NaN, and such a body is not painted."""
+    behind = np.array(((0.0, 0.0, -1.0), (0.3, 0.1, -2.0)))
+    assert np.isnan(PINHOLE.project(behind)).all()
+    folds = replace(PINHOLE, distortion=(-0.3,) + (0.0,) * 13)
+    assert np.isnan(folds.project(np.array(((1.2, 0.0, 1.0),)))).all()
+    assert np.isfinite(folds.project(np.array(((0.9, 0.0, 1.0),)))).all()
+    painting = paint(Painter(PINHOLE), [standing(cube(), -2.5, 0.0)])
+    assert painting.pixels is None
+    assert np.isnan(painting.visible_fractions).all()
+
+
+def test_a_body_around_the_camera_is_painted_everywhere() -> None:
+    """Its triangles reach behind the camera: they are looked for in the whole image."""
+    body = replace(standing(cube(3.0), 0.0, 0.0), surface=replace(cube(3.0), is_closed=False))
+    assert (paint(Painter(PINHOLE), [body]).mask == 0).all()
+
+
+def test_real_things_hide_to_the_pixel_and_the_floor_does_not() -> None:
+    """A wall hides what is more than 2 cm behind it; what is really there near the floor never."""
+    painter, body = Painter(DISTORTED), standing(cube(), 2.5, 0.0)
+    whole = paint(painter, [body]).mask == 0
+    real = NOTHING.copy()
+    real[:, :30] = 1.5
+    half = paint(painter, [body], real)
+    assert ((half.mask == 0) == (whole & (np.arange(64) >= 30))).all()
+    counted = quarters(np.isfinite(ranges_of(painter, body)))
+    share = counted[:, 30:].sum() / counted.sum()
+    assert half.visible_fractions[0] == pytest.approx(share, abs=0.01)
+    # The floor, seen up to 5 cm too high, is in front of the cube's lower edge.
+    rays = painter.rays.astype(np.float64) @ CAMERA.rotation_matrix().T
+    down = rays[:, :, 2] < -1e-3
+    floor = np.where(down, (0.05 - 1.0) / np.where(down, rays[:, :, 2], -1.0), np.inf)
+    noisy = paint(painter, [body], floor.astype(np.float32))
+    assert ((noisy.mask == 0) == whole).all()
+    table = np.where(down, (0.3 - 1.0) / np.where(down, rays[:, :, 2], -1.0), np.inf)
+    assert (paint(painter, [body], table.astype(np.float32)).mask == 0).sum() < 0.9 * whole.sum()
+
+
+def test_the_nearer_body_hides_the_other_whatever_their_order() -> None:
+    """The mask names each by its place in the list."""
+    painter = Painter(PINHOLE)
+    near, far = standing(cube(0.3), 2.0, 0.0, half=0.3), standing(cube(), 4.0, 0.0)
+    one, other = paint(painter, [near, far]), paint(painter, [far, near])
+    assert one.visible_fractions[::-1] == pytest.approx(other.visible_fractions)
+    assert one.visible_fractions[0] == 1.0
+    assert 0.1 < one.visible_fractions[1] < 0.95
+    # Where each has two samples of a pixel, the mask has the one with the higher number.
+    assert np.count_nonzero(one.mask != np.array([1, 0, -1])[other.mask]) < 10
+    assert one.pixels is not None
+    assert other.pixels is not None
+    assert (one.pixels == other.pixels).all()
+
+
+def test_what_was_painted_before_leaves_nothing_behind() -> None:
+    """A painter may be used again; the same seed gives the same image."""
+    painter, body = Painter(PINHOLE), standing(cube(), 2.5, 0.0)
+    first = paint(painter, [body], lighting=Lighting())
+    paint(painter, [standing(cube(), 1.8, 0.4), body], np.full_like(NOTHING, 2.2))
+    again = paint(painter, [body], lighting=Lighting())
+    assert first.pixels is not None
+    assert again.pixels is not None
+    assert (first.pixels == again.pixels).all()
+
+
+def test_the_light_is_that_of_the_image() -> None:
+    """In a dark picture an artefact is dark, in a warm one warm; brightness multiplies."""
+    painter, body = Painter(PINHOLE), standing(cube(), 2.5, 0.0)
+    plain = replace(PLAIN, is_estimated=True)
+
+    def colour(pixels: npt.NDArray[np.uint8], lighting: Lighting) -> Floats:
+        painting = paint(painter, [body], lighting=lighting, pixels=pixels)
+        assert painting.pixels is not None
+        found = to_linear(painting.pixels[painting.mask == 0] / 255.0)
+        middle: Floats = np.median(found, axis=0)
+        return middle
+
+    usual, dark = colour(GREY, plain), colour(GREY // 2, plain)
+    assert dark.mean() / usual.mean() == pytest.approx(
+        to_linear(np.float64(60 / 255)) / to_linear(np.float64(120 / 255)), rel=0.05
+    )
+    warm = GREY.copy()
+    warm[:, :, 0], warm[:, :, 2] = 150, 90
+    red, _, blue = colour(warm, plain)
+    assert red > 1.2 * blue
+    assert colour(GREY, replace(plain, brightness=0.5)) == pytest.approx(0.5 * usual, rel=0.05)
+    assert colour(GREY, replace(PLAIN, brightness=0.5)) == pytest.approx(
+        0.5 * colour(GREY, PLAIN), rel=0.05
+    )
+
+
+def test_the_floor_is_darker_below_a_body_and_a_wall_is_not() -> None:
+    """Most at its foot."""
+    painter, body = Painter(PINHOLE), standing(cube(0.3), 2.5, 0.0, half=0.3)
+    shaded = paint(painter, [body], lighting=replace(PLAIN, shadow=0.6))
+    assert shaded.pixels is not None
+    outside = shaded.mask == -1
+    is_darker = outside & (shaded.pixels < 118).all(axis=2)
+    assert is_darker.sum() > 20
+    assert np.nonzero(is_darker)[0].min() > 24
+    wall = np.full_like(NOTHING, 2.9)
+    before_wall = paint(painter, [body], wall, replace(PLAIN, shadow=0.6))
+    assert before_wall.pixels is not None
+    floor_m = 1.0 / np.maximum(-(painter.rays @ CAMERA.rotation_matrix().T)[:, :, 2], 1e-3)
+    is_wall = floor_m > 2.9 + 0.3
+    bare = paint(painter, [body], wall).pixels
+    assert bare is not None
+    assert (before_wall.pixels == bare)[is_wall].all()
+    assert (outside & is_wall).sum() > 500
+
+
+def test_blur_and_noise_touch_only_what_is_painted() -> None:
+    """Blur softens the edge; noise has the standard deviation that is asked for."""
+    painter, body = Painter(PINHOLE), standing(cube(), 2.5, 0.0)
+    sharp, grainy = (
+        paint(painter, [body]),
+        paint(painter, [body], lighting=replace(PLAIN, noise=4.0)),
+    )
+    assert sharp.pixels is not None
+    assert grainy.pixels is not None
+    apart = grainy.pixels.astype(int) - sharp.pixels
+    assert not apart[sharp.mask == -1][:, 0].std() > 4.0
+    inside = quarters(np.isfinite(ranges_of(painter, body))) == 1.0
+    assert apart[inside].std() == pytest.approx(4.0, rel=0.25)
+    soft = paint(painter, [body], lighting=replace(PLAIN, blur_px=1.0))
+    assert soft.pixels is not None
+    assert (soft.mask == sharp.mask).all()
+    found = [p.pixels for p in (sharp, soft) if p.pixels is not None]
+    steps = [np.abs(np.diff(one.astype(int), axis=1)).max() for one in found]
+    assert steps[1] < 0.7 * steps[0]
+
+
+def test_normals_of_a_sphere_are_round_and_those_of_a_cube_are_flat() -> None:
+    """A bend of more than 53 degrees is an edge."""
+    trimesh = pytest.importorskip("trimesh")
+    sphere = trimesh.creation.icosphere(2)
+    corners = sphere.vertices[sphere.faces]
+    assert (corner_normals(corners) * corners).sum(axis=2).min() > 0.995
+    flat = cube().corners_m.astype(np.float64)
+    across = np.cross(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    assert corner_normals(flat) == pytest.approx(np.repeat(across[:, np.newaxis], 3, 1))
+
+
+def test_a_texture_is_laid_on_the_triangles() -> None:
+    """Its left half is red, its right half blue."""
+    texture = np.zeros((2, 4, 3), dtype=np.uint8)
+    texture[:, :2, 0] = texture[:, 2:, 2] = 255
+    corners = np.array([[[0.0, 0.5, -0.5], [0.0, -0.5, -0.5], [0.0, -0.5, 0.5]]] * 2)
+    corners[1] = ((0.0, 0.5, -0.5), (0.0, -0.5, 0.5), (0.0, 0.5, 0.5))
+    uvs = np.array([[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]], dtype=np.float32)
+    sheet = replace(Surface.of(corners, np.full((2, 3), 0.5)), uvs=uvs, texture=texture)
+    painting = paint(Painter(PINHOLE), [standing(sheet, 2.0, 0.0, yaw=0.0)])
+    assert painting.pixels is not None
+    columns = np.nonzero((painting.mask == 0).any(axis=0))[0]
+    left, right = painting.pixels[30, columns[3]], painting.pixels[30, columns[-4]]
+    assert left[0] > 100 > left[2]
+    assert right[2] > 100 > right[0]
+
+
+def test_srgb_goes_there_and_back() -> None:
+    """For all 256 values."""
+    values = np.arange(256) / 255.0
+    assert to_srgb(to_linear(values)) == pytest.approx(values, abs=1e-6)
+    assert math.isclose(float(to_linear(np.float64(0.5))), 0.21404, abs_tol=1e-4)
