@@ -2,13 +2,14 @@
 
 import heapq
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from are_ros.bag.decoded import (
     Event,
@@ -24,6 +25,7 @@ from are_ros.bag.decoded import (
     Transforms,
     TransformSample,
 )
+from are_ros.bag.marker_decoding import TRIANGLES, MarkerFields
 from are_ros.bag.reader import sentence_of
 from are_ros.bag.recording import (
     ARTEFACTS,
@@ -39,6 +41,8 @@ from are_ros.bag.recording import (
     walls_of,
 )
 from are_ros.checks.cloud_pairs import SensorCloud
+from are_ros.checks.images.depths import DepthFrame
+from are_ros.checks.images.lens import info_topic
 from are_ros.checks.marker_rules import MarkerChange, change_of
 from are_ros.checks.oracle.frames import ODOMETRY, PARAMETER, TF, Frames
 from are_ros.checks.oracle.solids import Cloud, RealMap
@@ -52,6 +56,9 @@ from are_ros.parameters.model import Parameters
 _USUAL_BASES: Final = ("base_footprint", "base_link")
 _REAL_MAP: Final = "/map"
 _CLOUD: Final = "sensor_msgs/msg/PointCloud2"
+_IMAGES: Final = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+_INFO: Final = "sensor_msgs/msg/CameraInfo"
+_BODY: Final = "body"
 _OCTOMAP: Final = "/octomap_point_cloud_centers"
 _MAP_SLACK_NS: Final = NS_PER_S
 """Live: so near to the arrival of a new map it is unknown which map a tick used."""
@@ -79,7 +86,10 @@ class Record:
     stamp of the last tick before it. `farewells_ns` are the times at which a node removed all
     artefacts, as it was paused or shut down; `farewell_messages` are the lists of the perceived
     and the metrics that it published then. `walls` is "map" or "octomap", or empty if unknown.
-    `clouds` are the octomaps of the input; `has_clouds` tells that clouds of sensors went out.
+    `clouds` are the octomaps of the input; `has_clouds` tells that clouds of sensors went out, and
+    `has_depths` that images of depths did. `infos_of_depths` are topics whose CameraInfo is that of
+    such images only, and not the robot's camera. `meshes` are the triangles (F, 3, 3) in F_A that
+    markers show, by the artefact's id, where there are images of depths.
     `lags_ns` is how late a live recorder logged each tick.
     """
 
@@ -88,6 +98,8 @@ class Record:
     walls: str = ""
     topics: frozenset[str] = frozenset()
     has_clouds: bool = False
+    has_depths: bool = False
+    infos_of_depths: frozenset[str] = frozenset()
     scenes: list[Scene] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
     perceived: list[Perceived] = field(default_factory=list)
@@ -98,6 +110,7 @@ class Record:
     maps: list[RealMap] = field(default_factory=list)
     clouds: list[Cloud] = field(default_factory=list)
     images: list[ImageFormat] = field(default_factory=list)
+    meshes: dict[int, NDArray[np.float64]] = field(default_factory=dict)
     frames: Frames = field(default_factory=Frames)
     scans: ScanPairs = field(default_factory=ScanPairs)
     farewells_ns: list[int] = field(default_factory=list)
@@ -187,7 +200,7 @@ class Record:
         """Keep what matters of a value; ValueError where a map or a cloud is malformed."""
         topic, kind = message.topic, type(value)
         is_output = topic.startswith(PREFIX)
-        kept: dict[type, list[Any]] = {ImageFormat: self.images}
+        kept: dict[type, list[Any]] = {}
         if is_output:
             kept |= {Scene: self.scenes, Event: self.events}
             kept |= {Perceived: self.perceived, Predicted: self.predicted, Metrics: self.metrics}
@@ -195,6 +208,8 @@ class Record:
             kept[kind].append(value)
         elif kind is Grid:
             self.maps_by_topic.setdefault(topic, []).append(real_map(value))
+        elif kind is ImageFormat:
+            self._take_info(topic, value)
         elif kind is Scan:
             self.scans.add(topic, value)
         elif kind is Transforms:
@@ -202,8 +217,15 @@ class Record:
                 self._take_transform(sample, value.at_ns, TF, is_static="static" in topic)
         elif kind is Odometry:
             self._take_odometry(value)
-        elif message.type_name == _CLOUD:
-            self._take_cloud(topic, value, message.at_ns)
+        else:
+            self._take_plain(message, value)
+
+    def take_meshes(self, markers: Iterable[MarkerFields]) -> None:
+        """Keep the triangles of artefacts that are shown for the first time."""
+        for marker in markers:
+            if marker.namespace == _BODY and marker.kind == TRIANGLES and len(marker.points):
+                mesh = np.asarray(marker.points, np.float64).reshape(-1, 3, 3)
+                self.meshes.setdefault(marker.number, mesh)
 
     def settle(self) -> None:
         """Part the ticks of a live recording from farewells, and find the runs of them."""
@@ -227,6 +249,21 @@ class Record:
             is_last = is_last and (is_again or message.at_ns not in ticks)
             (self.farewell_messages if is_last else kept).append(message)
         return kept
+
+    def _take_info(self, topic: str, info: ImageFormat) -> None:
+        """Take a CameraInfo: of the robot's camera, of images of depths, or of both."""
+        self.scans.add_info(topic, info.message)
+        if not topic.startswith(PREFIX) and topic not in self.infos_of_depths:
+            self.images.append(info)
+
+    def _take_plain(self, message: RecordedMessage, value: Any) -> None:
+        """Take a cloud or an image, which come as rosbags' objects."""
+        if message.type_name == _CLOUD:
+            self._take_cloud(message.topic, value, message.at_ns)
+        elif message.type_name in _IMAGES and self.has_depths:
+            depths = DepthFrame.of_message(value, message.at_ns)
+            if depths is not None:
+                self.scans.add(message.topic, depths)
 
     def _take_cloud(self, topic: str, message: Any, at_ns: int) -> None:
         """Take an octomap, or, where sensors' clouds went out, one of these.
@@ -280,6 +317,11 @@ def real_map(grid: Grid) -> RealMap:
     return RealMap(grid.cells, grid.resolution_m, grid.corner, height_m, grid.frame_id, grid.at_ns)
 
 
+def _is_depth(topic: str, types: Mapping[str, str]) -> bool:
+    """Tell whether a topic is of images of depths, by its type and its name."""
+    return types[topic] in _IMAGES and "depth" in topic.lower()
+
+
 def _without_repeats(maps: list[RealMap]) -> list[RealMap]:
     """Leave out maps that came again as they were: latched ones do."""
     kept: list[RealMap] = []
@@ -319,8 +361,14 @@ class Reading:
         types = self._recording.types if self.is_open else {}
         clouds = [topic for topic, type_name in types.items() if type_name == _CLOUD]
         has_clouds = any(topic.startswith(PREFIX) for topic in clouds)
+        has_depths = any(_is_depth(topic, types) for topic in types if topic.startswith(PREFIX))
+        infos = {topic for topic, type_name in types.items() if type_name == _INFO}
+        inputs = {topic for topic in infos if not topic.startswith(PREFIX)}
+        of_depths = {info_topic(topic) for topic in types if _is_depth(topic, types)}
         for _ in range(loops):
-            self.records.append(Record(self._parameters, is_live, walls, self.topics, has_clouds))
+            record = Record(self._parameters, is_live, walls, self.topics, has_clouds, has_depths)
+            record.infos_of_depths = frozenset(of_depths if inputs - of_depths else ())
+            self.records.append(record)
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -372,7 +420,10 @@ class Reading:
 
     def _take_markers(self, message: RecordedMessage) -> None:
         """Keep what markers do; rosbags has to read them, too."""
-        changes = tuple(change_of(marker) for marker in self._recording.decode(message))
+        markers = self._recording.decode(message)
+        if self.records[message.loop].has_depths:
+            self.records[message.loop].take_meshes(markers)
+        changes = tuple(change_of(marker) for marker in markers)
         self.records[message.loop].shows.append(MarkerShow(message.at_ns, changes))
         self._marker_bytes += len(message.data)
         self._marker_messages += 1

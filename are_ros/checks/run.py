@@ -20,7 +20,7 @@ from are_ros.checks.perception.certainty import check_certainty, check_predicted
 from are_ros.checks.perception.sightings import check_perceived, check_sight_events
 from are_ros.checks.record import Reading
 from are_ros.checks.result import CheckResult, Outcome, merged
-from are_ros.checks.scans import check_scans
+from are_ros.checks.scans import check_depths, check_scans
 from are_ros.checks.ticks import (
     check_farewells,
     check_lives,
@@ -81,6 +81,8 @@ def check_recording(
         loops = ((record, reading.grids(number)) for number, record in enumerate(records))
         results += check_grids(loops)
     results += [merged(parts) for parts in zip(*map(check_scans, records), strict=True)]
+    if any(record.scans.depths for record in records):
+        results.append(merged([check_depths(record) for record in records]))
     return (results[0], reading.tally.result(), *results[1:])
 
 

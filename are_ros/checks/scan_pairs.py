@@ -1,9 +1,9 @@
-"""Each augmented scan, range or cloud beside its input: what changed, and whether it may."""
+"""Each augmented reading of a sensor beside its input: what changed, and whether it may."""
 
 import math
 from bisect import bisect_left
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,15 +11,20 @@ from numpy.typing import NDArray
 from are_ros.bag.decoded import Scan
 from are_ros.bag.recording import PREFIX
 from are_ros.checks.cloud_pairs import SensorCloud, changed_points
+from are_ros.checks.images.depths import DepthFrame, DepthPair, KeptPairs, changed_pixels
+from are_ros.checks.images.lens import info_topic, name_parts, rays_of
 
 _MOST_WAITING: Final = 2000
 _MOST_CLOUDS: Final = 100
+_MOST_ENDS: Final = 2000
+"""Of the changed pixels of an image, so many are looked at where they end."""
+_TOO_NEAR_M: Final = 1e-3
 _CONE_STEP_RAD: Final = 0.02
 _GAP: Final = 1.5
 """In usual distances of scans: farther apart, there was one in between."""
 
 _Key = tuple[int, str, type]
-_Reading = Scan | SensorCloud
+_Reading = Scan | SensorCloud | DepthFrame
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,14 +53,31 @@ class ScanPairs:
 
     def __init__(self) -> None:
         self.changed: list[ChangedScan] = []
-        self.pairs = self.clouds = 0
+        self.pairs = self.clouds = self.depths = self.pixels = 0
+        self.kept_depths = KeptPairs()
+        self.infos: dict[str, Any] = {}
+        """The last CameraInfo by topic; `add_info` takes it."""
+        self._rays: dict[tuple[str, bool], tuple[Any, NDArray[np.float64]]] = {}
         self.input_topics: dict[str, type] = {}
         self._input_stamps: dict[str, list[int]] = {}
         self._inputs: dict[_Key, list[tuple[str, _Reading]]] = {}
         self._outputs: dict[_Key, list[tuple[str, _Reading]]] = {}
 
-    def add(self, topic: str, scan: Scan | SensorCloud) -> None:
-        """Take a scan, a range or a cloud of any topic."""
+    def add_info(self, topic: str, message: Any) -> None:
+        """Take a CameraInfo; those beside images belong to the ones that come after."""
+        self.infos[topic] = message
+
+    def rays(self, pair: DepthPair) -> NDArray[np.float64]:
+        """Return the rays (H, W, 3) of an image; ValueError for a lens that is not known."""
+        key = (pair.topic, pair.is_rectified)
+        known = self._rays.get(key)
+        if known is None or not _are_alike(known[0], pair.info):
+            known = pair.info, rays_of(pair.info, rectified=pair.is_rectified)
+            self._rays[key] = known
+        return known[1]
+
+    def add(self, topic: str, scan: _Reading) -> None:
+        """Take a scan, a range, a cloud or an image of depths of any topic."""
         key = (scan.stamp_ns, scan.frame_id, type(scan))
         if topic.startswith(PREFIX):
             self._outputs.setdefault(key, []).append((topic, scan))
@@ -63,7 +85,7 @@ class ScanPairs:
             self.input_topics[topic] = type(scan)
             self._input_stamps.setdefault(topic, []).append(scan.stamp_ns)
             self._inputs.setdefault(key, []).append((topic, scan))
-            most = _MOST_CLOUDS if isinstance(scan, SensorCloud) else _MOST_WAITING
+            most = _MOST_WAITING if isinstance(scan, Scan) else _MOST_CLOUDS
             while len(self._inputs) > most:  # the node does not augment this sensor
                 del self._inputs[next(iter(self._inputs))]
         self._match(key)
@@ -95,19 +117,51 @@ class ScanPairs:
             if found is None and inputs and is_only:
                 found = 0
             if found is not None:
-                self._compare(inputs.pop(found)[1], *output)
+                self._compare(*inputs.pop(found), *output)
                 outputs.remove(output)
         if not outputs:
             self._outputs.pop(key, None)
         if not inputs:
             self._inputs.pop(key, None)
 
-    def _compare(self, real: _Reading, topic: str, output: _Reading) -> None:
+    def _compare(self, source: str, real: _Reading, topic: str, output: _Reading) -> None:
         self.pairs += 1
         if isinstance(real, Scan) and isinstance(output, Scan):
             self._compare_scans(real, topic, output)
         elif isinstance(real, SensorCloud) and isinstance(output, SensorCloud):
             self._compare_clouds(real, topic, output)
+        elif isinstance(real, DepthFrame) and isinstance(output, DepthFrame):
+            self._compare_depths(source, real, topic, output)
+
+    def _compare_depths(
+        self, source: str, real: DepthFrame, topic: str, output: DepthFrame
+    ) -> None:
+        self.depths += 1
+        self.pixels += real.numbers.size
+        fault, which, unreturned = changed_pixels(real, output)
+        info = self.infos.get(info_topic(source))
+        if info is not None:
+            is_rectified = "rect" in name_parts(source)[1]
+            pair = DepthPair(topic, real, output, info, is_rectified)
+            self.kept_depths.add(pair)
+            if not _are_alike(info, self.infos.get(info_topic(topic))):
+                fault = fault or "has a CameraInfo beside it that is not its input's"
+        elif len(which):
+            fault = "was changed, and no CameraInfo had come beside its input"
+        if not fault and not len(which):
+            return
+        points_m, too_close = np.empty((0, 1, 3)), np.empty(0, np.bool_)
+        if not fault:
+            some = np.linspace(0, len(which) - 1, min(len(which), _MOST_ENDS)).astype(int)
+            which, unreturned = which[some], unreturned[some]
+            depths_m = output.depths_m.ravel()[which]
+            too_close = ~np.isfinite(depths_m)
+            depths_m[too_close] = _TOO_NEAR_M
+            depths_m = depths_m - output.half_steps_m(depths_m)
+            rays = self.rays(pair).reshape(-1, 3)[which]
+            points_m = (rays * depths_m[:, None])[:, None]
+        when = output.stamp_ns, output.at_ns, output.frame_id
+        self.changed.append(ChangedScan(topic, *when, points_m, too_close, unreturned, 0.0, fault))
 
     def _compare_clouds(self, real: SensorCloud, topic: str, output: SensorCloud) -> None:
         self.clouds += 1
@@ -161,6 +215,15 @@ def _cone(angle_rad: float) -> NDArray[np.float64]:
         y, z = math.sin(angle) * np.cos(about), math.sin(angle) * np.sin(about)
         rings.append(np.column_stack((np.full(count, math.cos(angle)), y, z)))
     return np.concatenate(rings)
+
+
+def _are_alike(one: Any, other: Any) -> bool:
+    """Tell whether two CameraInfos have the same numbers, whatever their stamps are."""
+    if one is other or other is None:
+        return one is other
+    names = ("height", "width", "distortion_model", "binning_x", "binning_y", "roi")
+    plain = all(getattr(one, name) == getattr(other, name) for name in names)
+    return plain and all(np.array_equal(getattr(one, k), getattr(other, k)) for k in "dkrp")
 
 
 def _is_of(output: str, source: str) -> bool:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from are_ros.bag.decoded import DISPLACED, Scene
+from are_ros.checks.images.anew import box_triangles, compared
 from are_ros.checks.oracle.frames import EVER, Pose
 from are_ros.checks.oracle.plane import distances_m
 from are_ros.checks.oracle.solids import Cloud, Walls
@@ -22,6 +23,7 @@ from are_ros.checks.result import CheckResult, Tally, at_s, skipped
 from are_ros.checks.scan_pairs import ChangedScan
 from are_ros.checks.ticks import departures_ns
 from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.parameters.choices import SensorGate, Shape
 from are_ros.parameters.model import FramesParameters
 from are_ros.wording import counted
 
@@ -37,12 +39,17 @@ _HERE_M: Final = 1e-3
 
 
 class Box(NamedTuple):
-    """An artefact's box; any point of it may be `slack_m` elsewhere."""
+    """The box of the artefact `number`, with the origin of F_A in the map.
+
+    Any point of it may be `slack_m` elsewhere.
+    """
 
     centre_m: Floats
     yaw_rad: float
     half_m: Floats
     slack_m: float
+    number: int
+    origin_m: Floats
 
 
 class BoxPositions:
@@ -181,7 +188,9 @@ def _box(scene: Scene, i: int, position: Floats, slack_m: float) -> Box:
     """Return the box of an artefact at a position (4,)."""
     x_m, y_m, yaw_rad, z_m = position.tolist()
     dx_m, dy_m = _turned(scene.box_centres_m[i, :2], yaw_rad).tolist()
-    return Box(np.array((x_m + dx_m, y_m + dy_m, z_m)), yaw_rad, scene.half_sizes_m[i], slack_m)
+    centre_m = np.array((x_m + dx_m, y_m + dy_m, z_m))
+    origin_m = np.array((x_m, y_m, z_m - float(scene.box_centres_m[i, 2])))
+    return Box(centre_m, yaw_rad, scene.half_sizes_m[i], slack_m, int(scene.ids[i]), origin_m)
 
 
 def _turned(offset_m: Floats, yaw_rad: float) -> Floats:
@@ -222,6 +231,8 @@ def _reach_m(scene: Scene, i: int, speeds: tuple[float, float], span_ns: int) ->
 # The checks of scans.
 
 
+_FEW: Final = 2e-5
+"""At most this share of the pixels may be rounded otherwise, or lie otherwise at an edge."""
 _EXACT_SLACK_M: Final = 0.02
 _HELD_SLACK_M: Final = 0.10
 
@@ -266,6 +277,9 @@ def _note_clouds(tally: Tally, record: Record) -> None:
     """Say how many of the readings were clouds, if any."""
     if record.scans.clouds:
         tally.note(f"{counted(record.scans.clouds, 'point cloud')} among them")
+    if record.scans.depths:
+        images = counted(record.scans.depths, "depth image")
+        tally.note(f"{images} of {counted(record.scans.pixels, 'pixel')} among them")
 
 
 def _check_ends(tally: Tally, record: Record, places: BoxPositions, scan: ChangedScan) -> None:
@@ -289,12 +303,89 @@ def _check_ends(tally: Tally, record: Record, places: BoxPositions, scan: Change
         tally.fail(f"{scan.topic} {at_s(scan.stamp_ns)} a changed beam {text}; {beams}")
 
 
+def check_depths(record: Record) -> CheckResult:
+    """Depth images are what one gets who computes them anew, pixel by pixel."""
+    tally = Tally("depth images computed anew", "pixel")
+    settings, pairs = record.settings, record.scans.kept_depths.pairs
+    if record.is_live:
+        return skipped(tally.name, "a live recording does not tell what it was augmented with")
+    if settings.sensors.gate is SensorGate.PERCEIVED:
+        return skipped(tally.name, "sensors see what is perceived only (sensors.gate)")
+    places, surface = BoxPositions(record), _KnownWalls(record)
+    by_a_step = at_edges = images = 0
+    for pair in pairs:
+        stamp_ns, released_ns = pair.output.stamp_ns, pair.output.at_ns
+        frames = record.frames
+        pose = frames.lookup(settings.frames.map, pair.output.frame_id, stamp_ns, released_ns)
+        boxes = places.at(min(stamp_ns, _sub_step_after(record, released_ns)))
+        if pose is None or boxes is None or any(box.slack_m for box in boxes):
+            tally.leave_out("depth image", "for which it is not known exactly what was where")
+            continue
+        bodies = _bodies(record, boxes)
+        if bodies is None or (settings.sensors.shape is Shape.BOX and _is_inside(pose, boxes)):
+            what = "with the camera inside a box" if bodies else "without markers that are meshes"
+            tally.leave_out("depth image", what)
+            continue
+        found = compared(
+            pair.real,
+            pair.output,
+            record.scans.rays(pair),
+            pose,
+            bodies,
+            settings.sensors.depth_range or np.inf,
+            None if surface.doubt else surface.at(released_ns),
+        )
+        images += 1
+        tally.look(found.tested)
+        by_a_step, at_edges = by_a_step + found.by_a_step, at_edges + found.at_edges
+        if found.others:
+            pixels = counted(found.others, "pixel")
+            place = f"row {found.place[0]}, column {found.place[1]}"
+            tally.fail(f"{pair.topic} {at_s(stamp_ns)} has {pixels} other than expected; {place}")
+    if images:
+        tally.note(f"of {counted(images, 'image')}")
+    if by_a_step or at_edges:
+        tally.note(f"{by_a_step} differ by a step of the encoding, {at_edges} at edges")
+    few = _FEW * tally.looked_at
+    tally.require(by_a_step <= few and at_edges <= few, "more pixels differ than rounding explains")
+    return tally.result()
+
+
+def _bodies(record: Record, boxes: list[Box]) -> list[Floats] | None:
+    """Return the triangles (F, 3, 3) of artefacts in the map, as sensors see them.
+
+    Those of meshes are the markers'; None where one was not shown.
+    """
+    is_mesh, found = record.settings.sensors.shape is Shape.MESH, list[Floats]()
+    for box in boxes:
+        cos, sin = math.cos(box.yaw_rad), math.sin(box.yaw_rad)
+        turn = np.array(((cos, -sin, 0.0), (sin, cos, 0.0), (0.0, 0.0, 1.0)))
+        if not is_mesh:
+            corners: Floats = box_triangles() * box.half_m @ turn.T
+            found.append(corners + box.centre_m)
+        elif box.number in record.meshes:
+            found.append(record.meshes[box.number] @ turn.T + box.origin_m)
+        else:
+            return None
+    return found
+
+
+def _is_inside(camera: Pose, boxes: list[Box]) -> bool:
+    """Tell whether a camera is inside a box: then there is no depth, and no triangle before it."""
+    here = camera.translation_m[None]
+    return any(distances_m(here, b.centre_m, b.yaw_rad, b.half_m)[0] <= 0.0 for b in boxes)
+
+
+def _sub_step_after(record: Record, time_ns: int) -> int:
+    step_ns = seconds_to_ns(record.settings.motion.step)
+    return (time_ns // step_ns + 1) * step_ns
+
+
 def _seen_ns(record: Record, scan: ChangedScan) -> int:
     """Return the instant at which a scan shows the artefacts: at most one sub-step ahead."""
     if record.is_live:
         return scan.stamp_ns
-    step_ns = seconds_to_ns(record.settings.motion.step)
-    return min(scan.stamp_ns, (scan.released_ns // step_ns + 1) * step_ns)
+    return min(scan.stamp_ns, _sub_step_after(record, scan.released_ns))
 
 
 def _check_walls(tally: Tally, walls: Walls, record: Record, scan: ChangedScan) -> None:

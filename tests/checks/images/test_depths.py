@@ -1,0 +1,144 @@
+"""The judge of depth images: what it accepts, and what it finds wrong."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from are_ros.checks.images.anew import Difference, box_triangles, compared, nearest_depths
+from are_ros.checks.images.depths import DepthFrame, KeptPairs, changed_pixels
+from are_ros.checks.images.lens import info_topic, rays_of
+from are_ros.checks.oracle.frames import Pose
+from are_ros.checks.oracle.solids import Walls
+
+HERE = Pose(np.eye(3), np.zeros(3))
+BOX = box_triangles() * (0.4, 0.3, 0.2) + (0.1, 0.0, 3.0)
+"""Its front, at 2.8 m, is met by the pixels from 9 to 20 and from 8 to 15 (10 pixels per unit)."""
+
+
+def info(model: str = "plumb_bob", d: tuple[float, ...] = ()) -> Any:
+    """Return a CameraInfo of 32 x 24 pixels."""
+    return SimpleNamespace(
+        width=32, height=24, distortion_model=model, d=np.array(d), binning_x=0, binning_y=0,
+        k=np.array([40.0, 0, 15.5, 0, 40.0, 11.5, 0, 0, 1]), r=np.eye(3).ravel(), p=np.zeros(12),
+        roi=SimpleNamespace(x_offset=0, y_offset=0, width=0, height=0),
+    )  # fmt: skip
+
+
+def frame(depths_m: npt.NDArray[np.float64]) -> DepthFrame:
+    """Return millimetres."""
+    return DepthFrame(5, 7, "camera", np.rint(1e3 * depths_m).astype(np.uint16), (), 0)
+
+
+def scene() -> tuple[DepthFrame, DepthFrame]:
+    """Return depths of 4 m with a hole and something near, and what has to come out."""
+    before = np.full((24, 32), 4.0)
+    before[10:14, 15], before[10:14, 18] = 0.0, 1.0
+    after = before.copy()
+    hits = nearest_depths(rays_of(info(), rectified=False), HERE, [BOX])
+    is_hit = (hits < before) | ((before == 0.0) & np.isfinite(hits))
+    after[is_hit] = hits[is_hit]
+    return frame(before), frame(after)
+
+
+def judged(real: DepthFrame, output: DepthFrame, walls: Walls | None = None) -> Difference:
+    """Return how an output differs from what the box makes of its input."""
+    free = Walls(np.zeros(3), 0.0, np.ones(3), np.empty((0, 3), np.int64))
+    rays = rays_of(info(), rectified=False)
+    return compared(real, output, rays, HERE, [BOX], 10.0, walls or free)
+
+
+def test_the_front_of_a_box_has_one_depth() -> None:
+    """Depth is no distance: it is the same all over a plane across the axis."""
+    hits = nearest_depths(rays_of(info(), rectified=False), HERE, [BOX])
+    front = hits[np.isfinite(hits)]
+    assert 60 < len(front) < 120
+    assert np.median(front) == pytest.approx(2.8)
+
+
+def test_what_follows_from_the_input_passes() -> None:
+    """All pixels are looked at, none differs; without walls known, holes are left out."""
+    real, output = scene()
+    assert judged(real, output) == Difference(24 * 32, 0, 0, 0)
+    rays = rays_of(info(), rectified=False)
+    assert compared(real, output, rays, HERE, [BOX], 10.0, None).tested == 24 * 32 - 4
+
+
+@pytest.mark.parametrize(
+    ("change_mm", "difference"), [(1, (1, 0, 0)), (-1, (1, 0, 0)), (300, (0, 0, 1))]
+)
+def test_a_pixel_that_is_off_is_found(change_mm: int, difference: tuple[int, int, int]) -> None:
+    """By a step, or by more: then it is told where."""
+    real, output = scene()
+    numbers = output.numbers.copy()
+    numbers[12, 16] = numbers[12, 16] + np.int16(change_mm)
+    found = judged(real, replace(output, numbers=numbers))
+    assert found[1:4] == difference
+    assert found.place == ((12, 16) if difference[2] else (-1, -1))
+
+
+def test_what_did_not_become_an_artefact_is_found() -> None:
+    """An output that is the input as it came: the box is missing but for its edges."""
+    real, _ = scene()
+    found = judged(real, real)
+    assert found.others > 30
+    assert found.at_edges > 10
+
+
+def test_walls_hide_from_holes_only() -> None:
+    """A wall at 2 m: the hole stays, returns prove that there is none."""
+    real, output = scene()
+    wall = Walls(
+        np.array((-5.0, -5.0, 2.0)), 0.0, np.array((10.0, 10.0, 0.1)), np.zeros((1, 3), int)
+    )
+    assert judged(real, output, wall)[3] + judged(real, output, wall)[2] == 4
+    numbers = output.numbers.copy()
+    numbers[10:14, 15] = 0
+    assert judged(real, replace(output, numbers=numbers), wall)[1:4] == (0, 0, 0)
+
+
+def test_pixels_only_come_nearer() -> None:
+    """Or get a depth where they had none; all else stays."""
+    real, output = scene()
+    fault, which, unreturned = changed_pixels(real, output)
+    assert fault == ""
+    assert np.count_nonzero(unreturned) == 4
+    assert 60 < len(which) < 120
+    fault, which, _ = changed_pixels(output, real)
+    assert fault.startswith("has 4 m in row ")
+    assert len(which) == 0
+    fault, _, _ = changed_pixels(real, replace(output, rest=("padding",)))
+    assert fault == "has another size, encoding or padding than its input"
+
+
+@pytest.mark.parametrize(
+    ("model", "d"),
+    [
+        ("plumb_bob", (-0.2, 0.05, 1e-3, -2e-3, 0.01)),
+        ("rational_polynomial", (0.3, 0.1, 5e-4, 2e-4, 0.01, 0.6, 0.2, 0.03)),
+        ("equidistant", (-0.02, 0.01, -3e-3, 1e-3)),
+    ],
+)
+def test_rays_are_where_opencv_projects_to_the_pixels(model: str, d: tuple[float, ...]) -> None:
+    """To a thousandth of a pixel."""
+    camera = info(model, d)
+    rays, zeros = rays_of(camera, rectified=False).reshape(-1, 1, 3), np.zeros(3)
+    project = cv2.fisheye.projectPoints if model == "equidistant" else cv2.projectPoints
+    found = project(rays, zeros, zeros, camera.k.reshape(3, 3), np.array(d))[0].reshape(24, 32, 2)
+    v, u = np.mgrid[:24, :32]
+    np.testing.assert_allclose(found, np.stack((u, v), axis=2), atol=1e-3)
+
+
+def test_what_is_kept_is_spread_over_a_recording() -> None:
+    """At most forty pairs, evenly apart."""
+    kept = KeptPairs()
+    for number in range(1000):
+        kept.add(number)  # type: ignore[arg-type]
+    steps = np.diff(np.array(kept.pairs, dtype=int))
+    assert 20 <= len(kept.pairs) <= 40
+    assert len(set(steps.tolist())) == 1
+    assert info_topic("/a/depth/image/compressedDepth") == "/a/depth/camera_info"

@@ -1,0 +1,123 @@
+"""A replay of a recording with images of depths, raw and compressed, judged by `are check`."""
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from are_ros.bag.reader import BagReader
+from are_ros.bag.types import RosbagsFactory
+from tests.replay.conftest import MANY, Records, RunAre, WriteBag
+
+WIDTH, HEIGHT, PADDING = 80, 60, 6
+RAW, PACKED = "/kinect/depth/image_raw", "/tof/depth/image_rect/compressedDepth"
+A, B = 10100.0, -1009.0
+
+
+def camera_info(header: Any, factory: RosbagsFactory) -> Any:
+    """Return the CameraInfo of a wide lens that distorts."""
+    return factory.make(
+        "sensor_msgs/msg/CameraInfo",
+        header=header,
+        width=WIDTH,
+        height=HEIGHT,
+        distortion_model="plumb_bob",
+        d=np.array([-0.2, 0.05, 1e-3, -1e-3, 0.0]),
+        k=np.array([50.0, 0, 39.0, 0, 51.0, 30.5, 0, 0, 1.0]),
+        r=np.eye(3).reshape(-1),
+        p=np.array([48.0, 0, 39.5, 0, 0, 48.0, 29.5, 0, 0, 0, 1.0, 0]),
+    )
+
+
+def raw_depth(header: Any, factory: RosbagsFactory, depths_mm: npt.NDArray[np.uint16]) -> Any:
+    """Return big-endian millimetres in rows with padding."""
+    rows = depths_mm.astype(">u2").view(np.uint8).reshape(HEIGHT, -1)
+    rows = np.pad(rows, ((0, 0), (0, PADDING)), constant_values=9)
+    return factory.make(
+        "sensor_msgs/msg/Image",
+        header=header,
+        height=HEIGHT,
+        width=WIDTH,
+        encoding="16UC1",
+        is_bigendian=1,
+        step=rows.shape[1],
+        data=rows.reshape(-1),
+    )
+
+
+def packed_depth(header: Any, factory: RosbagsFactory, depths_mm: npt.NDArray[np.uint16]) -> Any:
+    """Return metres as image_transport compresses them."""
+    with np.errstate(divide="ignore"):
+        numbers = np.where(depths_mm > 0, A / (1e-3 * depths_mm) + B, 0.0).astype(np.uint16)
+    png = cv2.imencode(".png", numbers)[1].reshape(-1)
+    return factory.make(
+        "sensor_msgs/msg/CompressedImage",
+        header=header,
+        format="32FC1; compressedDepth png",
+        data=np.concatenate((np.frombuffer(struct.pack("<iff", 0, A, B), np.uint8), png)),
+    )
+
+
+@pytest.fixture(scope="module")
+def replay(
+    sample_records: Records,
+    factory: RosbagsFactory,
+    write_bag: WriteBag,
+    run_are: RunAre,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Path:
+    """Return the results of five seconds of the sample with two depth cameras."""
+    folder, records = tmp_path_factory.mktemp("depths"), list[tuple[str, int, Any]]()
+    rng = np.random.default_rng(5)
+    for topic, log_ns, message in sample_records:
+        records.append((topic, log_ns, message))
+        is_third = len([one for one in records if one[0] == "/camera/camera_info"]) % 3 == 0
+        if topic == "/camera/camera_info" and is_third:
+            header = message.header
+            depths_mm = rng.integers(500, 9000, (HEIGHT, WIDTH)).astype(np.uint16)
+            depths_mm[rng.random(depths_mm.shape) < 0.3] = 0
+            info = camera_info(header, factory)
+            records += [
+                (RAW, log_ns, raw_depth(header, factory, depths_mm)),
+                ("/kinect/depth/camera_info", log_ns, info),
+                ("/tof/depth/camera_info", log_ns, info),
+                (PACKED, log_ns, packed_depth(header, factory, depths_mm)),
+            ]
+    bag = write_bag(folder / "bag.mcap", records)
+    both = ("--topic", f"depth:={RAW}", "--topic", f"depth:={PACKED}")
+    done = run_are(
+        *("replay", bag, *MANY, *both, "--topic", "camera/camera_info:=/camera/camera_info"),
+        *("--seed", 3, "--with-inputs", "--out", folder / "out"),
+    )
+    assert done.returncode == 0, done.stderr
+    return folder / "out"
+
+
+def test_depths_pass_the_checks(replay: Path, run_are: RunAre) -> None:
+    """Every pixel is what one gets who computes it anew; the CameraInfo is the input's."""
+    done = run_are("check", replay)
+    assert done.returncode == 0, done.stdout + done.stderr
+    (anew,) = [line for line in done.stdout.splitlines() if line.startswith("depth images")]
+    assert "passed" in anew
+    assert int(anew.split(",")[1].split()[0]) > 100_000
+
+
+def test_each_image_goes_out_with_its_camera_info(replay: Path) -> None:
+    """In pairs of one stamp, some with artefacts; those without are what came in, to the byte."""
+    with BagReader([replay / "augmented.mcap"]) as reader:
+        sent: dict[str, dict[bytes, bytes]] = {}
+        for message in reader.messages():
+            stamp = bytes(message.data[4:12])
+            sent.setdefault(message.topic, {})[stamp] = bytes(message.data)
+    for topic in (RAW, PACKED):
+        before, after = sent[topic], sent[f"/ar_builder{topic}"]
+        infos = sent[f"/ar_builder/{topic.split('/')[1]}/depth/camera_info"]
+        assert len(after) > 10
+        assert after.keys() == infos.keys()
+        assert after.keys() <= before.keys()
+        changed = sum(before[stamp] != data for stamp, data in after.items())
+        assert 3 < changed < len(after)
