@@ -238,7 +238,8 @@ def complaints(outcome: Outcome) -> list[str]:
         passed = counted(outcome.scans[topic].passed_through, noun)
         lines.append(f"{topic}: {passed} passed through unaugmented, the last for: {problem}")
         if _is_bare(outcome.scans[topic]):
-            lines[-1] += "; `are inspect` says which --static-tf or which wait is missing"
+            what = "CameraInfo" if "CameraInfo" in problem else "wait"
+            lines[-1] += f"; `are inspect` says which --static-tf or which {what} is missing"
     lines += filter(None, [_about_waiting(outcome)])
     if outcome.camera_problem:
         lines.append(f"nothing was perceived: {outcome.camera_problem}")

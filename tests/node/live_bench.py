@@ -16,7 +16,7 @@ from are_ros.messages.common import make_time
 from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.node.ar_builder_node import ArBuilderNode
 from are_ros.node.message_classes import message_class, service_class
-from are_ros.node.qos import INPUTS, input_qos, output_qos
+from are_ros.node.qos import INPUTS, input_qos, input_type, output_qos
 from tests.node.live_scene import FACTORY, ns
 from tests.ros import WAIT_S, RosWorld, running_s, wait_until
 
@@ -130,7 +130,7 @@ class Bench:
         """Return a publisher of an input, as reliable as the input or as `qos` says."""
         topic = topic or INPUTS[role].topic or f"{self._space}/{role}"
         if topic not in self.publishers:
-            kind = message_class(INPUTS[role].type_name)
+            kind = message_class(input_type(role, topic))
             made = self.user.create_publisher(kind, topic, qos or _usual_qos(role))
             self.publishers[topic] = made
             self.until(made.get_subscription_count)

@@ -1,8 +1,10 @@
 """Who comes late, who publishes how, and two nodes side by side: what DDS makes of the topics."""
 
+from array import array
 from collections.abc import Callable
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -33,6 +35,7 @@ from tests.node.live_scene import (
 
 MakeBench = Callable[..., Bench]
 SCAN = "sensor_msgs/msg/LaserScan"
+INFO = "camera/depth/camera_info"
 CLOUD = "octomap_point_cloud_centers"
 ADD = 0
 RELIABLE = QoSProfile(depth=5)
@@ -253,6 +256,53 @@ def test_several_scans_keep_their_names(make_bench: MakeBench) -> None:
         bench.send("scan", scan(999.0 + index), topic=f"/{name}")
     bench.until(lambda: all(outputs.values()))
     assert [outputs[name][0].header.stamp.sec for name in names] == [999, 1000]
+
+
+def test_depth_images_are_augmented_raw_and_compressed(make_bench: MakeBench) -> None:
+    """Both have the post before the robot, in the same pixels, and the CameraInfo beside them."""
+    raw = "camera/depth/image_rect"
+    names = [raw, f"{raw}/compressedDepth"]
+    bench = make_bench({"sensors.depths": names, "sensors.shape": "box"}, "configure", "activate")
+    bench.send("map", room())
+    bench.clock(1000.0)
+    bench.send("tf", robot_at(1000.0))
+    bench.tick(1000.1)
+    assert bench.spawn(pose_at(2.5, 2.0), label="post").success
+    bench.tick(1000.2)
+    kinds = [f"sensor_msgs/msg/{kind}" for kind in ("Image", "CompressedImage", "CameraInfo")]
+    heard = [bench.listen(n, k) for n, k in zip((*names, INFO), kinds, strict=True)]
+    info = camera_info(1000.2, frame_id="base_link")
+    info.r = np.array([0.0, -1, 0, 0, 0, -1, 1, 0, 0])  # the rectified image looks along x
+    nothing = np.zeros((48, 64), np.uint16)
+    header = info.header
+    image = FACTORY.make(
+        "sensor_msgs/msg/Image",
+        header=header,
+        height=48,
+        width=64,
+        encoding="16UC1",
+        step=128,
+        data=array("B", bytes(nothing)),
+    )
+    png = cv2.imencode(".png", nothing)[1].tobytes()
+    packed = FACTORY.make(
+        "sensor_msgs/msg/CompressedImage",
+        header=header,
+        format="16UC1; compressedDepth png",
+        data=array("B", bytes(12) + png),
+    )
+    bench.send("tf", robot_at(1000.3))
+    for name, message in zip(names, (image, packed), strict=True):
+        bench.send("depth", message, topic=f"/{name}")
+    bench.send("camera_info", info, topic=f"/{INFO}")
+    bench.tick(1000.3)
+    bench.until(lambda: all(heard))
+    depths_mm = np.array(heard[0][0].data).view("<u2").reshape(48, 64)
+    assert set(np.unique(depths_mm).tolist()) == {0, 1300}
+    data = np.array(heard[1][0].data)[12:]
+    np.testing.assert_array_equal(cv2.imdecode(data, cv2.IMREAD_UNCHANGED), depths_mm)
+    assert [m.header for m in (heard[0][0], heard[1][0], heard[2][0])] == [header] * 3
+    assert heard[2][0].k.tolist() == info.k.tolist()
 
 
 def test_two_nodes_in_two_namespaces_live_side_by_side(make_bench: MakeBench) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from are_ros.bag.reader import BagReader
@@ -232,3 +233,56 @@ def test_a_refusal_names_its_topic_once(cause: InputError, sentence: str) -> Non
     refusals.add("/scan", "scan", InputError("another"))
     assert refusals.counts == {"/scan": 2}
     assert refusals.sentences == {"/scan": sentence}
+
+
+def depth_records(factory: RosbagsFactory) -> list[tuple[str, int, Any]]:
+    """Return bad and good images of depths, and the CameraInfo beside them, twice each."""
+    header = factory.make("std_msgs/msg/Header", frame_id="kinect")
+    image = factory.make(
+        "sensor_msgs/msg/Image", header=header, height=2, width=3, encoding="16UC1", step=6,
+        data=np.zeros(12, np.uint8),
+    )  # fmt: skip
+    eye = np.eye(3).ravel()
+    info = factory.make(
+        "sensor_msgs/msg/CameraInfo", header=header, height=2, width=3,
+        distortion_model="plumb_bob", d=np.zeros(5), k=eye, r=eye, p=np.eye(3, 4).ravel(),
+    )  # fmt: skip
+    records = list[tuple[str, int, Any]]()
+    for topic, message, changes in (
+        ("/d/image", image, {"encoding": "rgb8"}),
+        ("/d/image", image, {"step": 5}),
+        ("/d/camera_info", info, {"k": 0.0 * eye}),
+        ("/d/camera_info", info, {"k": NAN * eye}),
+        ("/d/camera_info", info, {}),
+        ("/d/camera_info", info, {}),
+        ("/d/image", image, {}),
+        ("/d/image", image, {"data": np.zeros(11, np.uint8)}),
+    ):
+        changed = copy.copy(message)
+        for name, value in changes.items():
+            object.__setattr__(changed, name, value)
+        records.append((topic, 10 + len(records), changed))
+    return records
+
+
+@pytest.mark.parametrize("role", ["camera_info", "camera/camera_info"])
+def test_images_get_their_lens_from_the_camera_info_beside_them(
+    tmp_path: Path, write_bag: WriteBag, factory: RosbagsFactory, role: str
+) -> None:
+    """It may be that of the robot's camera, too; what is bad is counted, and disturbs nothing."""
+    path = write_bag(tmp_path / "bag.mcap", depth_records(factory))
+    calls, refusals = fed(path, {"/d/image": "depth", "/d/camera_info": role})
+    assert calls[0] == ("await_lens", ("/d/image", "/d/camera_info"))
+    lenses = [values for name, values in calls if name == "receive_lens"]
+    assert [(topic, at) for topic, _, at in lenses] == [("/d/image", 19), ("/d/image", 20)]
+    assert lenses[0][1] is lenses[1][1]
+    assert lenses[0][1].frame_id == "kinect"
+    readings = [values[0] for name, values in calls if name == "receive_reading"]
+    assert readings == ["/d/image"]
+    cameras = [name for name, _ in calls if name == "receive_camera"]
+    assert len(cameras) == (2 if role == "camera/camera_info" else 0)
+    assert refusals.counts == {"/d/image": 3, "/d/camera_info": 2}
+    assert refusals.sentences == {
+        "/d/image": "/d/image: encoding 'rgb8' holds no depth; known are 16UC1, mono16, 32FC1",
+        "/d/camera_info": "/d/camera_info: k is all zeros, so this camera is not calibrated",
+    }

@@ -124,9 +124,10 @@ def read_depth(message: Any, source: str = "depth") -> DepthImage:
         image = read_compressed_image(message, source)
         return DepthImage(CompressedDepth.checked(image, source))
     try:
-        return DepthImage(RawDepth(read_image(message, source)))
+        code_of(str(message.encoding))
     except InputError as cause:
-        raise InputError(f"{source}: {str(cause).removeprefix(f'{source}: ')}") from cause
+        raise InputError(f"{source}: {cause}") from cause
+    return DepthImage(RawDepth(read_image(message, source)))
 
 
 def encode_depth(depth: DepthImage) -> bytes:

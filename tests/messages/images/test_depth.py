@@ -134,6 +134,6 @@ def test_raw_images_without_depth_are_refused() -> None:
     )
     with pytest.raises(InputError, match=r"^/d: encoding 'mono8' holds no depth"):
         read_depth(message, "/d")
-    message.width = 0
+    message.encoding, message.width = "16UC1", 0
     with pytest.raises(InputError, match=r"^/d: width 0 x height 1 has no pixel"):
         read_depth(message, "/d")
