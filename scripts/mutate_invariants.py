@@ -254,7 +254,7 @@ BREAKAGES = (
              "builder.population_manager:PopulationManager._sub_step",
              sub_step_of_tick, _RATE_TEST + "[33.0]"),
     Breakage(TICKS, "scans wait for the next tick",
-             "builder.sensors.sensor_path:SensorAugmentation.deadline_passed",
+             "builder.sensors.augmentation:SensorAugmentation.deadline_passed",
              lambda real, self, now_ns: real(self, -(-now_ns // self._tick_ns) * self._tick_ns),
              "tests/builder/sensors/test_sensors.py::test_a_late_correction_is_held_in_the_builder"),
 )

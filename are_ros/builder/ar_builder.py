@@ -131,7 +131,7 @@ class ArBuilder(Simulation):
         self.parameters = parameters
         if self._detector is not None:
             self._detector.parameters = parameters
-        self._sensors.reconfigure(parameters.sensors)
+        self._sensors.reconfigure(parameters)
         self._grids.limit_rate(parameters.augmented_map.max_rate)
         if parameters.costmap != before.costmap:
             self._gate = assembly.gate(parameters)

@@ -13,13 +13,9 @@ from are_ros.builder import assembly
 from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.builder.population_manager import PopulationManager
 from are_ros.builder.real_world import RealWorld
+from are_ros.builder.sensors.augmentation import SensorAugmentation
 from are_ros.builder.sensors.lens import Lens
-from are_ros.builder.sensors.sensor_path import (
-    Reading,
-    ReleasedReading,
-    SensorAugmentation,
-    SensorPathCounts,
-)
+from are_ros.builder.sensors.sensor_path import Reading, ReleasedReading, SensorPathCounts
 from are_ros.builder.spawning.out_of_view import Viewpoint
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError
@@ -171,9 +167,9 @@ class Simulation:
         self._sensors.push(topic, reading, received_ns)
         self._idle_until_ns = received_ns
 
-    def await_lens(self, topic: str, lens_topic: str) -> None:
+    def await_lens(self, topic: str, lens_topic: str, *, is_depth: bool = False) -> None:
         """Let the images of a topic wait for the CameraInfo that comes on another one."""
-        self._sensors.await_lens(topic, lens_topic)
+        self._sensors.await_lens(topic, lens_topic, is_depth=is_depth)
 
     def receive_lens(self, topic: str, lens: Lens, received_ns: int) -> None:
         """Take the lens of the images of a topic, from the CameraInfo beside them."""

@@ -18,6 +18,7 @@ from are_ros.agents.local_planner.body import MotionCommand
 from are_ros.agents.simulate import CrowdSimulator
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import collision_resolver
+from are_ros.builder.sensors.colour_image import ColourImage, RawColour
 from are_ros.builder.sensors.depth_image import DepthImage, RawDepth
 from are_ros.builder.sensors.image import Image
 from are_ros.builder.sensors.laser_scan import LaserScan
@@ -68,6 +69,7 @@ class WarmUpNeeds:
     has_scans: bool = True
     has_clouds: bool = True
     has_depths: bool = True
+    has_images: bool = True
     has_voxels: bool = True
 
 
@@ -290,6 +292,9 @@ class _Scene:
         if self._needs.has_depths:
             builder.await_lens("depth", "camera_info")
             builder.receive_lens("depth", _lens_of_depths(), self._tick * _TICK_NS)
+        if self._needs.has_images:
+            builder.await_lens("image", "camera_info")
+            builder.receive_lens("image", _lens_of_depths(), self._tick * _TICK_NS)
         if self._needs.has_voxels:
             builder.receive_cloud(_voxels(), "map", self._tick * _TICK_NS, 0.1)
         for i in range(_TICKS):
@@ -300,6 +305,8 @@ class _Scene:
                 builder.receive_reading("points", _cloud(now_ns), now_ns)
             if self._needs.has_depths:
                 builder.receive_reading("depth", _depth(now_ns), now_ns)
+            if self._needs.has_images:
+                builder.receive_reading("image", _image(now_ns), now_ns)
             if i == 1:
                 builder.receive_camera(_lens(), now_ns)
                 pose = GroundPose(2.0, 1.5, 0.0, 0.1)
@@ -405,3 +412,9 @@ def _depth(stamp_ns: int) -> DepthImage:
     """Return an image in which nothing came back."""
     numbers = np.zeros((_HEIGHT, 2 * _WIDTH), np.uint8)
     return DepthImage(RawDepth(Image("base_link", stamp_ns, "16UC1", 0, _WIDTH, numbers)))
+
+
+def _image(stamp_ns: int) -> ColourImage:
+    """Return a grey image, in which what arrives is painted."""
+    numbers = np.full((_HEIGHT, 3 * _WIDTH), 100, np.uint8)
+    return ColourImage(RawColour(Image("base_link", stamp_ns, "rgb8", 0, _WIDTH, numbers)))

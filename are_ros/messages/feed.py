@@ -91,7 +91,7 @@ class Feed:
         """The topics of the images that a CameraInfo belongs to, by its topic."""
         for topic, lens_topic in lens_topics(roles).items():
             self._images.setdefault(lens_topic, []).append(topic)
-            builder.await_lens(topic, lens_topic)
+            builder.await_lens(topic, lens_topic, is_depth=roles[topic] == "depth")
         others = count(1)
         makers: Mapping[str, Callable[[], Handler]] = {
             "map": lambda: self._map,

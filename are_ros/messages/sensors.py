@@ -20,6 +20,7 @@ from are_ros.builder.sensors.sensor_path import Reading, ReleasedReading
 from are_ros.messages.camera_info import encode_camera_info
 from are_ros.messages.cdr import CdrWriter
 from are_ros.messages.common import read_array, read_time
+from are_ros.messages.images.colour import encode_colour, encode_mask, read_colour
 from are_ros.messages.images.depth import encode_depth, read_depth
 from are_ros.messages.images.image import camera_info_topic, transport_of
 from are_ros.parameters.model import SensorsParameters
@@ -210,6 +211,15 @@ _KINDS: Final = (
         compressed_type="sensor_msgs/msg/CompressedImage",
         output="depth/image",
     ),
+    SensorKind(
+        "image",
+        "sensor_msgs/msg/Image",
+        "images",
+        read_colour,
+        encode_colour,
+        compressed_type="sensor_msgs/msg/CompressedImage",
+        output="camera/image",
+    ),
 )
 SENSORS: Final[Mapping[str, SensorKind]] = MappingProxyType({kind.role: kind for kind in _KINDS})
 """The kinds of sensors by role."""
@@ -246,15 +256,21 @@ class SensorOutputs:
     """The outputs of the sensors among the roles, and their messages.
 
     `names` are the outputs by topic; `types` those of all messages by output. Beside each image
-    goes its CameraInfo, with the image's stamp.
+    goes its CameraInfo, with the image's stamp, and `with_masks` the mask of what is painted.
     """
 
-    def __init__(self, roles: Mapping[str, str]) -> None:
+    def __init__(self, roles: Mapping[str, str], *, with_masks: bool = False) -> None:
         self.names = sensor_outputs(roles)
         self._kinds = sensor_topics(roles)
         self._infos = {topic: camera_info_topic(self.names[topic]) for topic in lens_topics(roles)}
         self.types = {name: self._kinds[topic].type_of(topic) for topic, name in self.names.items()}
         self.types |= dict.fromkeys(self._infos.values(), CAMERA_INFO_TYPE)
+        self._masks = {
+            topic: f"{self.names[topic]}/mask"
+            for topic, kind in self._kinds.items()
+            if with_masks and kind.role == "image"
+        }
+        self.types |= dict.fromkeys(self._masks.values(), "sensor_msgs/msg/Image")
         self._relays: dict[str, list[str]] = {t: [name] for t, name in self.names.items()}
         for topic, info in lens_topics(roles).items():
             self._relays.setdefault(info, []).append(self._infos[topic])
@@ -267,6 +283,9 @@ class SensorOutputs:
             info, frame_id = reading.lens.info, reading.lens.frame_id
             data = encode_camera_info(info, frame_id, reading.stamp_ns)
             found.insert(0, (self._infos[topic], data))
+        mask = encode_mask(reading) if topic in self._masks else None
+        if mask is not None:
+            found.append((self._masks[topic], mask))
         return found
 
     def relays_of(self, topic: str) -> list[str]:

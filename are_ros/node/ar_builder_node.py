@@ -177,7 +177,13 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             self, parameters.sensors, parameters.camera.others, self._store, self._say
         )
         offered = offered_outputs(parameters.certainty)
-        publishers = self._outputs = Publishers(self, subscriptions.roles, offered, self._say)
+        publishers = self._outputs = Publishers(
+            self,
+            subscriptions.roles,
+            offered,
+            self._say,
+            with_masks=parameters.sensors.masks,
+        )
         decoding = WireDecoding()
         self.live = LiveBuilder(
             parameters,

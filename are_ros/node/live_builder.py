@@ -110,7 +110,7 @@ class LiveBuilder:
         self._views: list[ViewModel] = []
         self._shown: Environment | None = None
         self.sensors = sensor_topics(roles)
-        self._sensor_outputs = SensorOutputs(roles)
+        self._sensor_outputs = SensorOutputs(roles, with_masks=parameters.sensors.masks)
         self.builder.lives.is_paused = True
         self.builder.lives.report_faults_to(self.faults.take)
         if "camera/camera_info" in roles.values():

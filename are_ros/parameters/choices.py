@@ -87,6 +87,13 @@ class SensorGate(Enum):
     ALL = "all"
 
 
+class Light(Enum):
+    """Where the light of what is painted into images comes from."""
+
+    ESTIMATED = "estimated"
+    GIVEN = "given"
+
+
 class OnRobotContact(Enum):
     """How an artefact reacts when the robot drives into it."""
 

@@ -14,6 +14,7 @@ from are_ros.parameters.choices import (
     GroundKind,
     Labels,
     Leave,
+    Light,
     OdometryUse,
     OnRobotContact,
     Region,
@@ -596,6 +597,16 @@ class SensorsParameters:
         "Topics of the depth images to augment, raw or .../compressedDepth; their CameraInfo comes "
         "on camera_info beside them.",
     )
+    images: tuple[str, ...] = parameter(
+        ("image",),
+        "Topics of the camera images to paint artefacts into, raw or .../compressed; their "
+        "CameraInfo comes on camera_info beside them.",
+    )
+    masks: bool = parameter(
+        False,
+        "Beside each painted image goes its mask (32SC1): the id of the artefact at each pixel, 0 "
+        "where there is none.",
+    )
     depth_range: float = parameter(
         10.0,
         "How far depth cameras see: a pixel without a return shows no artefact beyond it. "
@@ -604,6 +615,51 @@ class SensorsParameters:
         low=0.0,
         high=1000.0,
         live=True,
+    )
+
+
+@dataclass(frozen=True)
+class RenderingParameters:
+    """How artefacts are painted into images (docs/images.md)."""
+
+    light: Light = parameter(
+        Light.ESTIMATED,
+        "estimated: as bright and as warm as the image; given: rendering.brightness alone.",
+        live=True,
+    )
+    brightness: float = parameter(
+        1.0,
+        "Multiplies the estimated light, or is the light itself.",
+        low=0.0,
+        high=10.0,
+        live=True,
+    )
+    lamp_azimuth: float = parameter(
+        0.7,
+        "Where the lamp stands, in the map's frame.",
+        unit="rad",
+        low=-10.0,
+        high=10.0,
+        live=True,
+    )
+    lamp_elevation: float = parameter(
+        1.0, "How high the lamp stands.", unit="rad", low=-1.58, high=1.58, live=True
+    )
+    shadow: float = parameter(
+        0.6, "Share of the light that is missing on the floor below.", low=0.0, high=1.0, live=True
+    )
+    blur: float = parameter(
+        0.5, "Standard deviation of the lens's blur.", unit="px", low=0.0, high=20.0, live=True
+    )
+    noise: float = parameter(
+        1.5,
+        "Standard deviation of the sensor's noise, in steps of 8 bits.",
+        low=0.0,
+        high=100.0,
+        live=True,
+    )
+    jpeg_quality: int = parameter(
+        95, "Quality of the JPEGs into which something was painted.", low=1, high=100, live=True
     )
 
 
@@ -659,5 +715,6 @@ class Parameters:
     poses: PosesParameters = field(default_factory=PosesParameters)
     collisions: CollisionsParameters = field(default_factory=CollisionsParameters)
     sensors: SensorsParameters = field(default_factory=SensorsParameters)
+    rendering: RenderingParameters = field(default_factory=RenderingParameters)
     markers: MarkersParameters = field(default_factory=MarkersParameters)
     clicks: ClicksParameters = field(default_factory=ClicksParameters)

@@ -26,6 +26,7 @@ class Purpose(IntEnum):
     CLASSIFICATION = 12
     ESTIMATION = 13
     FALSE_ALARM = 14
+    APPEARANCE = 15
 
 
 def generator(seed: int, purpose: Purpose, artefact_id: int) -> np.random.Generator:

@@ -37,11 +37,13 @@ class TickWriter(Listener):
         roles: Mapping[str, str],
         demand: Demand = EVERYTHING,
         outputs: Mapping[str, OutputTopic] = OUTPUTS,
+        *,
+        with_masks: bool = False,
     ) -> None:
         """Announce the output topics; `roles` are those of the input topics."""
         self._writer = writer
         self._encoder = TickEncoder(demand)
-        self._sensors = SensorOutputs(roles)
+        self._sensors = SensorOutputs(roles, with_masks=with_masks)
         for name, (type_name, is_latched, depth) in outputs.items():
             writer.add_topic(PREFIX + name, type_name, is_latched=is_latched, depth=depth)
         for name, type_name in self._sensors.types.items():

@@ -39,7 +39,12 @@ POPULATION: Final = "population.png"
 DECISIONS: Final = "decisions.png"
 _NOTHING_SHOWN: Final = Demand(perception=False, grids=False, markers=False)
 _MOTION_ONLY: Final = WarmUpNeeds(
-    _NOTHING_SHOWN, has_scans=False, has_clouds=False, has_depths=False, has_voxels=False
+    _NOTHING_SHOWN,
+    has_scans=False,
+    has_clouds=False,
+    has_depths=False,
+    has_images=False,
+    has_voxels=False,
 )
 WITHOUT_ROBOT: Final = (
     "the robot is not shown: the recording does not tell where it is; "

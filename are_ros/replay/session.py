@@ -163,6 +163,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
                 has_scans=bool(kinds & {"scan", "range"}),
                 has_clouds="points" in kinds,
                 has_depths="depth" in kinds,
+                has_images="image" in kinds,
                 has_voxels=options.octomap_file is not None or roles.topic(_CLOUD_ROLE) is not None,
             )
             with said_if_slow(say, _PREPARING), KernelBar() as bar:
@@ -242,7 +243,13 @@ def _open_writers(
     writer = stack.enter_context(BagWriter(options.out / AUGMENTED))
     factory = RosbagsFactory()
     offered = offered_outputs(options.parameters.certainty)
-    outputs = TickWriter(writer, replay.role_of_topic, options.demand, offered)
+    outputs = TickWriter(
+        writer,
+        replay.role_of_topic,
+        options.demand,
+        offered,
+        with_masks=options.parameters.sensors.masks,
+    )
     if not options.with_inputs:
         return (outputs,), writer.counts
     copy = InputCopy(reader, writer, factory, replay.role_of_topic)

@@ -44,7 +44,8 @@ _KERNELS_OF_BOXES = """
 import sys
 from are_ros.builder.warm_up import Demand, WarmUpNeeds, warm_up
 from tests.builder.test_warm_up import catalogue_of
-sensors = {'has_scans': False, 'has_clouds': False, 'has_depths': False, 'has_voxels': False}
+names = 'scans', 'clouds', 'depths', 'images', 'voxels'
+sensors = {f'has_{name}': False for name in names}
 warm_up(catalogue_of(2), needs=WarmUpNeeds(Demand(grids=False), **sensors))
 for name, module in list(sys.modules.items()):
     for kernel, value in vars(module).items() if name.startswith("are_ros.") else ():

@@ -68,7 +68,7 @@ def test_each_state_has_its_lines(make_bench: MakeBench) -> None:
     assert said(bench, "state") == (OK, "inactive: the real map is relayed")
     inactive = {*bench.report()} - {"state", "clock"}
     assert inactive == {name for name in inactive if name.startswith("inputs/")}
-    assert len(inactive) == 12
+    assert len(inactive) == 13
     bench.change_state("activate")
     assert said(bench, "state") == (OK, "active")
     lines = {"frames/robot", "frames/camera", "cloud", "ticks", "population", "behaviours"}

@@ -12,19 +12,14 @@ import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from operator import attrgetter
 from typing import Any, Final, Protocol
 
-from are_ros.builder.occlusion.meshes import MeshBank, MeshSelection
+from are_ros.builder.occlusion.meshes import MeshSelection
 from are_ros.builder.occlusion.rays import VoxelField
-from are_ros.builder.population_manager import PopulationManager
-from are_ros.builder.tick import tick_period_ns
-from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.builder.scene import Scene
+from are_ros.conventions import NS_PER_S
 from are_ros.errors import FrameError, InputError
-from are_ros.parameters.choices import SensorGate, Shape
-from are_ros.parameters.model import Parameters, SensorsParameters
 from are_ros.world.boxes import OrientedBoxes
-from are_ros.world.environment import Environment
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.transforms.tree import FrameTree
 
@@ -37,13 +32,16 @@ class Obstacles:
     """What a sensor can hit, in the map frame: `boxes` of N >= 1 artefacts.
 
     `shapes` are the N meshes, or the boxes themselves; `surface` is the surface of the environment,
-    None if there is none. Depth cameras see as far as `depth_range_m`.
+    None if there is none. Depth cameras see as far as `depth_range_m`. `scene` are the artefacts,
+    and `studio` paints them.
     """
 
     boxes: OrientedBoxes
     shapes: MeshSelection
     surface: VoxelField | None = None
     depth_range_m: float = math.inf
+    scene: Scene | None = None
+    studio: Any = None
 
 
 class Reading(Protocol):
@@ -115,10 +113,12 @@ class SensorPath:
         history_ns: int,
         augment: Augment,
         lens_topic: str = "",
+        lacks_partner: Callable[[Reading], bool] = lambda _: False,
     ) -> None:
         self.wait_ns = wait_ns
         self.lens: Any = None
         self._lens_topic = lens_topic
+        self._lacks_partner = lacks_partner
         self._history_ns = history_ns
         self.counts = SensorPathCounts()
         self.last_problem = ""
@@ -156,7 +156,8 @@ class SensorPath:
                 self._release(self._waiting.popleft(), now_ns, None)
                 continue
             pose = self._exact_pose(self._waiting[0].reading)
-            if pose is None or self._lacks_lens():
+            head = self._waiting[0].reading
+            if pose is None or self._lacks_lens() or self._lacks_partner(head):
                 return
             self._release(self._waiting.popleft(), now_ns, pose)
 
@@ -268,124 +269,3 @@ class SensorPath:
         self._released.append(
             ReleasedReading(item.topic, reading, now_ns, is_augmented, item.reading)
         )
-
-
-class SensorAugmentation:
-    """Augments each reading with the artefacts present at its stamp; each topic has its own path.
-
-    In all outputs, an artefact is visible from the first tick that is not before its arrival.
-    `perceived` are the ids that `sensors.gate: perceived` admits.
-    """
-
-    def __init__(
-        self, parameters: Parameters, frames: FrameTree, lives: PopulationManager, meshes: MeshBank
-    ) -> None:
-        self.perceived: frozenset[int] = frozenset()
-        self._settings = parameters.sensors
-        self._history_ns = seconds_to_ns(parameters.poses.history)
-        self._tick_ns = tick_period_ns(parameters.builder.tick_rate)
-        self._frame_names = parameters.frames
-        self._frames = frames
-        self._lives = lives
-        self._meshes = meshes
-        self._paths: dict[str, SensorPath] = {}
-        self._lens_topics: dict[str, str] = {}
-        self._lenses: dict[str, Any] = {}
-
-    def reconfigure(self, settings: SensorsParameters) -> None:
-        """Use other settings from now on; a new wait applies to later readings."""
-        self._settings = settings
-        for path in self._paths.values():
-            path.wait_ns = seconds_to_ns(settings.tf_wait)
-
-    def prepare(self, environment: Environment) -> None:
-        """Compute the surface of an environment, if there are sensors."""
-        if self._paths:
-            VoxelField.of(environment.voxels)
-
-    def await_lens(self, topic: str, lens_topic: str) -> None:
-        """Let the images of a topic wait for the first CameraInfo, which comes on another topic."""
-        self._lens_topics[topic] = lens_topic
-
-    def receive_lens(self, topic: str, lens: Any, received_ns: int) -> None:
-        """Use a lens for the images of a topic that are released from now on."""
-        self._lenses[topic] = lens
-        if topic in self._paths:
-            self._paths[topic].lens = lens
-            self._paths[topic].transforms_came(received_ns)
-
-    def push(self, topic: str, reading: Reading, received_ns: int) -> None:
-        """Take a reading; topics do not wait for each other."""
-        if topic not in self._paths:
-            self._paths[topic] = path = SensorPath(
-                self._frames,
-                self._frame_names.map,
-                self._frame_names.odom,
-                seconds_to_ns(self._settings.tf_wait),
-                self._history_ns,
-                self._augmented,
-                self._lens_topics.get(topic, ""),
-            )
-            path.lens = self._lenses.get(topic)
-        self._paths[topic].push(topic, reading, received_ns)
-
-    def transforms_came(self, now_ns: int) -> None:
-        """Release the readings whose transform has become known."""
-        for path in self._paths.values():
-            path.transforms_came(now_ns)
-
-    def next_deadline_ns(self) -> int | None:
-        """Return the next deadline of a reading [ns], None if none waits."""
-        deadlines = [path.next_deadline_ns() for path in self._paths.values()]
-        return min((deadline for deadline in deadlines if deadline is not None), default=None)
-
-    def deadline_passed(self, now_ns: int) -> None:
-        """Release the readings whose deadline is not after `now_ns`."""
-        for path in self._paths.values():
-            path.deadline_passed(now_ns)
-
-    def take(self) -> list[ReleasedReading]:
-        """Return what was released since the last call, in the order of release."""
-        released = [one for path in self._paths.values() for one in path.take()]
-        return sorted(released, key=attrgetter("released_ns")) if len(self._paths) > 1 else released
-
-    def flush(self, now_ns: int) -> None:
-        """Release all that still waits: the input has ended."""
-        for path in self._paths.values():
-            path.flush(now_ns)
-
-    def clear(self) -> None:
-        """Drop the waiting readings: the clock jumped back."""
-        for path in self._paths.values():
-            path.clear()
-
-    def counts(self) -> dict[str, SensorPathCounts]:
-        """Return, by topic, how many readings were released in which way."""
-        return {topic: path.counts for topic, path in self._paths.items()}
-
-    def problems(self) -> dict[str, str]:
-        """Return, by topic, why the last reading passed through unaugmented."""
-        return {
-            topic: path.last_problem for topic, path in self._paths.items() if path.last_problem
-        }
-
-    def late_ns(self) -> dict[str, int]:
-        """Return, by topic, how late the transforms were for which readings did not wait [ns]."""
-        return {topic: path.late_ns for topic, path in self._paths.items()}
-
-    def _augmented(self, reading: Reading, map_from_sensor: RigidTransform) -> Any:
-        last_tick_ns = reading.stamp_ns // self._tick_ns * self._tick_ns
-        scene = self._lives.scene_at(reading.stamp_ns, arrived_by_ns=last_tick_ns)
-        if self._settings.gate is SensorGate.PERCEIVED:
-            scene = scene.only(self.perceived)
-        if not len(scene):
-            return reading
-        if self._settings.shape is Shape.MESH:
-            shapes = self._meshes.selection(scene.rows)
-        else:
-            shapes = MeshSelection.boxes_only(len(scene))
-        environment = self._lives.environment
-        surface = VoxelField.of(environment.voxels) if environment else None
-        farthest_m = self._settings.depth_range or math.inf
-        obstacles = Obstacles(scene.boxes, shapes, surface, farthest_m)
-        return reading.augmented(map_from_sensor, obstacles)

@@ -1,0 +1,248 @@
+"""An image of colours, and its augmentation: artefacts are painted into it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.builder.rendering.painter import PaintedBody
+from are_ros.builder.sensors.image import CompressedImage, Image
+from are_ros.builder.sensors.lens import Lens
+from are_ros.builder.sensors.sensor_path import Obstacles
+from are_ros.builder.sensors.studio import Studio
+from are_ros.errors import InputError
+from are_ros.population.catalogue import CatalogueRow
+from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.rigid_transform import RigidTransform
+
+Pixels = npt.NDArray[np.uint8]
+
+_ORDERS: Final = {
+    "rgb8": (0, 1, 2),
+    "bgr8": (2, 1, 0),
+    "rgba8": (0, 1, 2),
+    "bgra8": (2, 1, 0),
+    "mono8": (0, 0, 0),
+}
+"""Where red, green and blue are in a pixel."""
+_LUMA: Final = np.array((0.299, 0.587, 0.114))
+"""Shares of red, green and blue in a grey (ITU-R BT.601), as cameras have them."""
+_JPEG, _PNG = b"\xff\xd8\xff", b"\x89PNG"
+
+
+class ColourPixels(Protocol):
+    """The pixels of a message, as it was received; raw images and compressed ones implement it."""
+
+    @property
+    def frame_id(self) -> str:
+        """The optical frame."""
+
+    @property
+    def stamp_ns(self) -> int:
+        """The time of measurement [ns]."""
+
+    def rgb(self) -> Pixels:
+        """Return the pixels (H, W, 3), new; InputError if they cannot be decompressed."""
+
+    def with_rgb(self, painted: Pixels, before: Pixels, quality: int) -> "ColourPixels":
+        """Return the message with other pixels (H, W, 3).
+
+        `before` are those that `rgb` gave: pixels that are the same keep their bits in a raw image.
+        `quality` is that of a JPEG.
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class RawColour:
+    """The pixels of a raw image; InputError if its encoding is not painted on."""
+
+    image: Image
+
+    def __post_init__(self) -> None:
+        if self.image.encoding not in _ORDERS:
+            known = ", ".join(_ORDERS)
+            raise InputError(
+                f"encoding {self.image.encoding!r} is not painted on; known are {known}"
+            )
+
+    @property
+    def frame_id(self) -> str:
+        """See `ColourPixels`."""
+        return self.image.frame_id
+
+    @property
+    def stamp_ns(self) -> int:
+        """See `ColourPixels`."""
+        return self.image.stamp_ns
+
+    def rgb(self) -> Pixels:
+        """See `ColourPixels`."""
+        stored, order = self.image.pixels(), _ORDERS[self.image.encoding]
+        if stored.ndim == 2:
+            return np.repeat(stored[:, :, np.newaxis], 3, axis=2)
+        return np.ascontiguousarray(stored[:, :, list(order)])
+
+    def with_rgb(self, painted: Pixels, before: Pixels, quality: int) -> "RawColour":
+        """See `ColourPixels`."""
+        del quality
+        stored, order = self.image.pixels().copy(), _ORDERS[self.image.encoding]
+        is_changed = (painted != before).any(axis=2)
+        if stored.ndim == 2:
+            stored[is_changed] = np.rint(painted[is_changed] @ _LUMA).astype(np.uint8)
+        else:
+            for colour, channel in enumerate(order):
+                stored[:, :, channel] = painted[:, :, colour]
+        return RawColour(self.image.with_pixels(stored))
+
+
+@dataclass(frozen=True, eq=False)
+class CompressedColour:
+    """A JPEG or PNG of 8 bits; it is decompressed when an artefact may be in it."""
+
+    image: CompressedImage
+
+    @property
+    def frame_id(self) -> str:
+        """See `ColourPixels`."""
+        return self.image.frame_id
+
+    @property
+    def stamp_ns(self) -> int:
+        """See `ColourPixels`."""
+        return self.image.stamp_ns
+
+    def rgb(self) -> Pixels:
+        """See `ColourPixels`."""
+        import cv2
+
+        data = self.image.data
+        if self._suffix() == "":
+            raise InputError(f"format {self.image.format!r}: its data are neither JPEG nor PNG")
+        stored = cv2.imdecode(data, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+        if stored is None:
+            raise InputError(f"format {self.image.format!r}: its data are damaged")
+        return np.ascontiguousarray(stored[:, :, ::-1])
+
+    def with_rgb(self, painted: Pixels, before: Pixels, quality: int) -> "CompressedColour":
+        """See `ColourPixels`."""
+        import cv2
+
+        del before
+        stored = np.ascontiguousarray(painted[:, :, ::-1])
+        if self.image.format.strip().startswith("mono") or "compressed mono" in self.image.format:
+            stored = cv2.cvtColor(stored, cv2.COLOR_BGR2GRAY)
+        how = [cv2.IMWRITE_JPEG_QUALITY, quality] if self._suffix() == ".jpg" else []
+        _, data = cv2.imencode(self._suffix(), stored, how)
+        return CompressedColour(replace(self.image, data=data.reshape(-1)))
+
+    def _suffix(self) -> str:
+        head = self.image.data[:4].tobytes()
+        return ".jpg" if head.startswith(_JPEG) else ".png" if head == _PNG else ""
+
+
+@dataclass(frozen=True, eq=False)
+class ImageTruth:
+    """What is painted: the id of the artefact at each pixel, 0 where there is none, int32 (H, W).
+
+    `visible_fractions` are the visible shares of artefacts that are in the image, by id.
+    """
+
+    ids: npt.NDArray[np.int32]
+    visible_fractions: dict[int, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class ColourImage:
+    """Colours (H, W) in the optical frame of their camera; without a `lens`, rays are unknown.
+
+    `truth` is what was painted; None: nothing was looked for.
+    """
+
+    pixels: ColourPixels
+    lens: Lens | None = None
+    truth: ImageTruth | None = None
+
+    @property
+    def frame_id(self) -> str:
+        """The optical frame."""
+        return self.pixels.frame_id
+
+    @property
+    def stamp_ns(self) -> int:
+        """The time of measurement [ns]."""
+        return self.pixels.stamp_ns
+
+    def seen_through(self, lens: Lens) -> "ColourImage":
+        """Return the image with the lens that it was taken with."""
+        return replace(self, lens=lens)
+
+    def augmented(self, map_from_sensor: RigidTransform, obstacles: Obstacles) -> "ColourImage":
+        """Return the image with the artefacts painted in, hidden by what is really there.
+
+        What is really there is told, pixel by pixel, by the depth image of the same time and place,
+        else by the surface of the environment. If no artefact is visible, the pixels stay as they
+        are. Raises InputError if the lens is not known or of another size, or the image cannot be
+        decompressed.
+        """
+        if self.lens is None:
+            raise InputError("its CameraInfo is not known")
+        view, studio, scene = self.lens.view, obstacles.studio, obstacles.scene
+        if not isinstance(studio, Studio) or scene is None:
+            return self
+        which = self.lens.tiles_towards(map_from_sensor, _with_shadows(obstacles.boxes))
+        if not len(which):
+            return self._with_truth(np.full((view.height, view.width), 0, np.int32), {})
+        before = self.pixels.rgb()
+        if before.shape[:2] != (view.height, view.width):
+            raise InputError(
+                f"it has {before.shape[1]} x {before.shape[0]} pixels, and"
+                f" {self.lens.info.source} is of {view.width} x {view.height}"
+            )
+        bodies = [
+            _body(studio, artefact.row, pose, half_sizes_m)
+            for artefact, pose, half_sizes_m in zip(
+                scene.artefacts,
+                np.column_stack((obstacles.boxes.centres_m, obstacles.boxes.yaws_rad)).tolist(),
+                obstacles.boxes.half_sizes_m,
+                strict=True,
+            )
+        ]
+        real_m = studio.real_ranges(self, self.lens, map_from_sensor, which, obstacles.surface)
+        painting = studio.painter(self.lens).paint(
+            before, map_from_sensor, bodies, real_m, studio.lighting, studio.noise(self.stamp_ns)
+        )
+        ids = np.append(scene.ids, 0).astype(np.int32)
+        fractions = {
+            int(number): float(share)
+            for number, share in zip(scene.ids, painting.visible_fractions, strict=True)
+            if share > 0.0
+        }
+        done = self._with_truth(ids[painting.mask], fractions)
+        if painting.pixels is None:
+            return done
+        return replace(
+            done, pixels=self.pixels.with_rgb(painting.pixels, before, studio.jpeg_quality)
+        )
+
+    def _with_truth(self, ids: npt.NDArray[np.int32], fractions: dict[int, float]) -> "ColourImage":
+        return replace(self, truth=ImageTruth(ids, fractions))
+
+
+def _body(
+    studio: Studio,
+    row: CatalogueRow,
+    pose: Sequence[float],
+    half_sizes_m: npt.NDArray[np.float64],
+) -> PaintedBody:
+    """Return an artefact to paint; `pose` is x, y, z of its box's centre, and the yaw."""
+    x_m, y_m, z_m, yaw_rad = pose
+    map_from_box = RigidTransform.planar(x_m, y_m, yaw_rad, z_m)
+    ground_m = z_m - float(half_sizes_m[2])
+    return PaintedBody(studio.surfaces.of(row), map_from_box, half_sizes_m, ground_m)
+
+
+def _with_shadows(boxes: OrientedBoxes) -> OrientedBoxes:
+    """Return the boxes, grown by the reach of their shadows."""
+    return replace(boxes, half_sizes_m=boxes.half_sizes_m + 0.75)

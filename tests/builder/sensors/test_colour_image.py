@@ -1,0 +1,191 @@
+"""Painted images: their encodings, what refuses, and the depth image of the same time."""
+
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from are_ros.builder.occlusion.meshes import MeshSelection
+from are_ros.builder.scene import Scene
+from are_ros.builder.sensors.colour_image import (
+    ColourImage,
+    ColourPixels,
+    CompressedColour,
+    RawColour,
+)
+from are_ros.builder.sensors.depth_image import DepthImage, RawDepth
+from are_ros.builder.sensors.image import CompressedImage, Image
+from are_ros.builder.sensors.lens import Lens
+from are_ros.builder.sensors.sensor_path import Obstacles
+from are_ros.builder.sensors.studio import Studio
+from are_ros.errors import InputError
+from are_ros.parameters.model import Parameters, RenderingParameters
+from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
+from are_ros.world.cameras import FORWARD_FROM_OPTICAL, CameraInfo
+from are_ros.world.rigid_transform import RigidTransform
+
+Pixels = npt.NDArray[np.uint8]
+WIDTH, HEIGHT = 64, 48
+K = (40.0, 0.0, 31.5, 0.0, 40.0, 23.5, 0.0, 0.0, 1.0)
+INFO = CameraInfo(
+    WIDTH,
+    HEIGHT,
+    "plumb_bob",
+    (),
+    K,
+    (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
+    (*K[:3], 0.0, *K[3:6], 0.0, *K[6:], 0.0),
+)
+LENS = Lens("eye", INFO, INFO.view(rectified=False))
+CAMERA = RigidTransform.from_xyz_ypr(0.0, 0.0, 1.0, 0.0, 0.0, 0.0) @ FORWARD_FROM_OPTICAL
+PLAIN = RenderingParameters(noise=0.0, blur=0.0)
+CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1}
+
+
+@pytest.fixture
+def obstacles(make_scene: Any) -> Obstacles:
+    """Return a post 2 m ahead, and a studio without noise."""
+    row = make_scene().row(0)
+    post = Artefact(7, row, Origin.SCRIPTED, 0, PoseHistory(0, GroundPose(2.0, 0.0, 0.0, 0.0)))
+    scene, studio = Scene.of([post], 0), Studio(PLAIN, Parameters().seed)
+    shapes = MeshSelection.boxes_only(1)
+    return Obstacles(scene.boxes, shapes, scene=scene, studio=studio)
+
+
+def grey(encoding: str, padding: int = 5) -> Image:
+    """Return an image whose pixels and padding are random."""
+    step = WIDTH * CHANNELS[encoding] + padding
+    data = np.random.default_rng(3).integers(90, 160, (HEIGHT, step)).astype(np.uint8)
+    return Image("eye", 100, encoding, 0, WIDTH, data)
+
+
+def painted(pixels: ColourPixels, obstacles: Obstacles) -> ColourImage:
+    """Return the image with the post."""
+    return ColourImage(pixels).seen_through(LENS).augmented(CAMERA, obstacles)
+
+
+@pytest.mark.parametrize("encoding", CHANNELS)
+def test_every_encoding_is_painted_alike(encoding: str, obstacles: Obstacles) -> None:
+    """Red is red, whatever the order; padding, alpha and all other pixels keep their bits."""
+    image = grey(encoding)
+    done = painted(RawColour(image), obstacles)
+    assert done.truth is not None
+    is_post = done.truth.ids == 7
+    assert 200 < is_post.sum() < 1500
+    assert done.truth.visible_fractions == {7: 1.0}
+    assert isinstance(done.pixels, RawColour)
+    after = done.pixels.image
+    is_same = (after.pixels() == image.pixels()).reshape(HEIGHT, WIDTH, -1).all(axis=2)
+    assert not is_same[is_post].all()
+    assert is_same[:10].all()
+    row_bytes = WIDTH * CHANNELS[encoding]
+    assert (after.data[:, row_bytes:] == image.data[:, row_bytes:]).all()
+    if CHANNELS[encoding] == 4:
+        assert (after.pixels()[:, :, 3] == image.pixels()[:, :, 3]).all()
+    reference = painted(RawColour(grey("rgb8")), obstacles).pixels.rgb()[is_post].mean(axis=0)
+    found = done.pixels.rgb()[is_post].mean(axis=0)
+    wanted = reference if encoding != "mono8" else reference @ (0.299, 0.587, 0.114)
+    assert found == pytest.approx(np.broadcast_to(wanted, 3), abs=12)
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".png"])
+def test_compressed_images_stay_what_they_are(suffix: str, obstacles: Obstacles) -> None:
+    """A JPEG stays a JPEG; it is compressed anew only if something is painted."""
+    smooth = np.full((HEIGHT, WIDTH, 3), (90, 120, 150), dtype=np.uint8)
+    data = cv2.imencode(suffix, smooth)[1].reshape(-1)
+    image = CompressedImage("eye", 100, "bgr8; jpeg compressed bgr8", data)
+    done = painted(CompressedColour(image), obstacles)
+    assert isinstance(done.pixels, CompressedColour)
+    after = cv2.imdecode(done.pixels.image.data, cv2.IMREAD_COLOR)
+    assert after is not None
+    assert done.pixels.image.data[:3].tobytes() == data[:3].tobytes()
+    assert np.abs(after[:8].astype(int) - smooth[:8]).max() < 6
+    assert done.truth is not None
+    assert np.abs(after.astype(int) - smooth)[done.truth.ids == 7].mean() > 10
+    behind = ColourImage(CompressedColour(image)).seen_through(LENS)
+    away = behind.augmented(
+        RigidTransform.planar(0.0, 0.0, np.pi, 1.0) @ FORWARD_FROM_OPTICAL, obstacles
+    )
+    assert away.pixels is behind.pixels
+
+
+def test_where_nothing_is_visible_the_pixels_are_the_same_object(obstacles: Obstacles) -> None:
+    """Behind a real thing, too: the depth image of the same time says so."""
+    wall = DepthImage(RawDepth(Image("eye", 100, "16UC1", 0, WIDTH, depths(900))))
+    assert isinstance(obstacles.studio, Studio)
+    obstacles.studio.keep_depth(wall)
+    raw = RawColour(grey("rgb8"))
+    hidden = painted(raw, obstacles)
+    assert hidden.pixels is raw
+    assert hidden.truth is not None
+    assert not hidden.truth.ids.any()
+
+
+def depths(millimetres: int) -> Pixels:
+    """Return the bytes of depths, all the same."""
+    return np.full((HEIGHT, WIDTH), millimetres, dtype="<u2").view(np.uint8).reshape(HEIGHT, -1)
+
+
+@pytest.mark.parametrize(
+    ("frame", "stamp_ns", "millimetres", "is_hidden"),
+    [
+        ("eye", 100, 900, True),
+        ("eye", 100 + 4_000_000, 900, True),
+        ("eye", 100 + 6_000_000, 900, False),
+        ("other", 100, 900, False),
+        ("eye", 100, 3000, False),
+        ("eye", 100, 0, False),
+    ],
+)
+def test_only_the_depth_image_of_the_same_time_and_frame_hides(
+    obstacles: Obstacles, frame: str, stamp_ns: int, millimetres: int, is_hidden: bool
+) -> None:
+    """Within 5 ms; what is farther hides nothing, nor what has no return."""
+    assert isinstance(obstacles.studio, Studio)
+    image = Image(frame, stamp_ns, "16UC1", 0, WIDTH, depths(millimetres))
+    obstacles.studio.keep_depth(DepthImage(RawDepth(image)))
+    raw = RawColour(grey("rgb8"))
+    assert (painted(raw, obstacles).pixels is raw) == is_hidden
+
+
+def test_an_image_waits_for_its_depth_image_if_there_are_such() -> None:
+    """The first is waited for only if it is expected."""
+    studio, image = Studio(PLAIN, 1), ColourImage(RawColour(grey("rgb8")))
+    assert not studio.lacks_depth(image)
+    studio.expects_depth = True
+    assert studio.lacks_depth(image)
+    for stamp_ns, lacks in ((-10_000_000, True), (100, False)):
+        depth = Image("eye", stamp_ns, "16UC1", 0, WIDTH, depths(900))
+        studio.keep_depth(DepthImage(RawDepth(depth)))
+        assert studio.lacks_depth(image) == lacks
+    studio.forget()
+    studio.keep_depth(DepthImage(RawDepth(Image("other", 0, "16UC1", 0, WIDTH, depths(900)))))
+    assert not studio.lacks_depth(image)
+
+
+@pytest.mark.parametrize(
+    ("image", "reason"),
+    [
+        (Image("eye", 1, "bayer_rggb8", 0, 4, np.zeros((4, 4), np.uint8)), "'bayer_rggb8' is not"),
+        (Image("eye", 1, "16UC1", 0, 2, np.zeros((4, 4), np.uint8)), "'16UC1' is not painted on"),
+    ],
+)
+def test_an_encoding_that_is_not_painted_on_is_refused(image: Image, reason: str) -> None:
+    """With those that are."""
+    with pytest.raises(InputError, match=reason):
+        RawColour(image)
+
+
+def test_what_cannot_be_painted_is_refused_in_a_sentence(obstacles: Obstacles) -> None:
+    """No lens, another size, damaged data."""
+    with pytest.raises(InputError, match="its CameraInfo is not known"):
+        ColourImage(RawColour(grey("rgb8"))).augmented(CAMERA, obstacles)
+    small = Image("eye", 1, "rgb8", 0, 2, np.zeros((3, 6), np.uint8))
+    with pytest.raises(InputError, match="it has 2 x 3 pixels, and camera_info is of 64 x 48"):
+        painted(RawColour(small), obstacles)
+    for data, reason in ((b"GIF89a", "neither JPEG nor PNG"), (b"\xff\xd8\xff\xe0", "are damaged")):
+        broken = CompressedImage("eye", 1, "jpeg", np.frombuffer(data, np.uint8).copy())
+        with pytest.raises(InputError, match=reason):
+            painted(CompressedColour(broken), obstacles)
