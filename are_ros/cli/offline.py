@@ -239,6 +239,15 @@ def view(
     help="Augmented clouds with labelled boxes and calibration, as KITTI has them.",
 )
 @click.option(
+    "--coco",
+    metavar="FOLDER",
+    type=FILE,
+    help="Painted images with masks and boxes, as COCO has them.",
+)
+@click.option(
+    "--image", default="", metavar="TOPIC", help="The image for --coco, if there are several."
+)
+@click.option(
     "--cloud", default="", metavar="TOPIC", help="The cloud for --kitti, if there are several."
 )
 def export(
@@ -249,6 +258,8 @@ def export(
     tracks: Path | None,
     kitti: Path | None,
     cloud: str,
+    coco: Path | None,
+    image: str,
 ) -> None:
     """Write what a recording holds into files of other programs.
 
@@ -262,15 +273,17 @@ def export(
 
     With --tracks where all artefacts and the robot were, tick by tick: a table of all, tracks.csv,
     and a file for each in tum/. With --kitti each augmented cloud with the boxes of the artefacts
-    that were perceived, and what joins cloud and camera (docs/data_sets.md).
+    that were perceived, and what joins cloud and camera. With --coco each painted image with the
+    masks of its artefacts (docs/data_sets.md).
     """
-    if mesh is None and tracks is None and kitti is None:
-        raise click.UsageError("Nothing to write: give --mesh FILE.glb, --tracks or --kitti FOLDER")
-    from are_ros.export.command import MeshOptions, export_mesh, export_sets
+    if (mesh, tracks, kitti, coco) == (None, None, None, None):
+        formats = "--mesh FILE.glb, --tracks, --kitti or --coco FOLDER"
+        raise click.UsageError(f"Nothing to write: give {formats}")
+    from are_ros.export.command import DataSets, MeshOptions, export_mesh, export_sets
 
     if mesh is not None:
         export_mesh(say, MeshOptions(recording, mesh, at_s, octomap_file))
-    export_sets(say, recording, tracks, kitti, cloud)
+    export_sets(say, recording, DataSets(tracks, kitti, coco, cloud, image))
 
 
 # The command of `are` that fits the mixture of Eq. 1 to observed rows.

@@ -11,6 +11,7 @@ from are_ros.bag.recording import find_recording, walls_of
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import Moment, SceneRecord
 from are_ros.errors import BagError, InputError, MapError
+from are_ros.export.coco import export_coco
 from are_ros.export.kitti import export_kitti
 from are_ros.export.scene_mesh import ENVIRONMENT, scene_parts, write_scene, writer_of
 from are_ros.export.tracks import export_tracks
@@ -68,23 +69,37 @@ def export_mesh(say: Say, options: MeshOptions) -> None:
         say(problem)
 
 
-def export_sets(
-    say: Say, recording: Path, tracks: Path | None, kitti: Path | None, cloud: str = ""
-) -> None:
-    """Write the data sets that are asked for, and say what they are. Raises AreError.
+@dataclass(frozen=True)
+class DataSets:
+    """The folders of the data sets that are asked for, None: not asked for.
 
-    `cloud` names the topic of the augmented cloud, empty where there is one only.
+    `cloud` and `image` name the topics of the augmented cloud and of the painted image, empty where
+    there is one only.
     """
-    for folder in filter(None, (tracks, kitti)):
+
+    tracks: Path | None = None
+    kitti: Path | None = None
+    coco: Path | None = None
+    cloud: str = ""
+    image: str = ""
+
+
+def export_sets(say: Say, recording: Path, sets: DataSets) -> None:
+    """Write the data sets that are asked for, and say what they are. Raises AreError."""
+    for folder in filter(None, (sets.tracks, sets.kitti, sets.coco)):
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise BagError(f"{folder}: it is there already, and not empty")
-    if tracks is not None:
+    if sets.tracks is not None:
         with ProgressBar("tracks") as bar:
-            sentence = export_tracks(recording, tracks, bar.open)
+            sentence = export_tracks(recording, sets.tracks, bar.open)
         say(sentence)
-    if kitti is not None:
+    if sets.kitti is not None:
         with ProgressBar("kitti") as bar:
-            sentence = export_kitti(recording, kitti, cloud, bar.open)
+            sentence = export_kitti(recording, sets.kitti, sets.cloud, bar.open)
+        say(sentence)
+    if sets.coco is not None:
+        with ProgressBar("coco") as bar:
+            sentence = export_coco(recording, sets.coco, sets.image, bar.open)
         say(sentence)
 
 

@@ -111,7 +111,7 @@ def test_walls_of_the_map_stand_in_for_an_octomap_that_was_not_recorded(
 @pytest.mark.parametrize(
     ("words", "status", "reason"),
     [
-        ((), 2, "Nothing to write: give --mesh FILE.glb, --tracks or --kitti FOLDER"),
+        ((), 2, "Nothing to write: give --mesh FILE.glb, --tracks, --kitti or --coco"),
         (("--mesh", "scene.obj"), 1, "--mesh scene.obj: its name must end in .glb or .ply"),
         (("--mesh", "a.glb", "--at", "99"), 1, "--at 99: the last tick of the recording is at 7.9"),
         (("--mesh", "a.glb", "--at", "-1"), 2, "-1 is less than 0"),

@@ -1,10 +1,12 @@
 """`are export --tracks` and `--kitti`: read back by other means, against the recording."""
 
 import csv
+import json
 import math
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -184,6 +186,7 @@ def _xyz(cloud: Any) -> Floats:
     ("words", "reason"),
     [
         (("--kitti", "set"), "has no augmented cloud (sensors.clouds)"),
+        (("--coco", "set"), "has no mask of an image (sensors.masks: true)"),
         (("--tracks", "full"), "full: it is there already, and not empty"),
     ],
 )
@@ -210,3 +213,70 @@ def test_the_cloud_is_chosen_by_name(cloud_replay: Path, run_are: RunAre, tmp_pa
     words = ("--kitti", tmp_path / "set", "--cloud", "/front")
     done = run_are("export", cloud_replay, *words)
     assert f"--kitti: it has no /front; choose one with --cloud: {AUGMENTED}" in done.stderr
+
+
+@pytest.fixture(scope="module")
+def image_replay(
+    sample_records: Records,
+    factory: RosbagsFactory,
+    write_bag: WriteBag,
+    run_are: RunAre,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Path:
+    """Return the results of five seconds of the sample with a grey image at each CameraInfo."""
+    folder = tmp_path_factory.mktemp("coco")
+    infos = [(at, m) for topic, at, m in sample_records if topic == "/camera/camera_info"]
+    images = [("/camera/image", at + 1, grey_image(factory, info)) for at, info in infos[::3]]
+    records = sorted([*sample_records, *images], key=lambda record: record[1])
+    bag = write_bag(folder / "bag.mcap", records)
+    words = (*CROWD, "--seed", 3, "--set", "sensors.masks:=true", "--with-inputs")
+    done = run_are("replay", bag, *words, "--out", folder / "out")
+    assert done.returncode == 0, done.stderr
+    return folder / "out"
+
+
+def grey_image(factory: RosbagsFactory, info: Any) -> Any:
+    """Return an image of one grey, at the time of a CameraInfo."""
+    return factory.make(
+        "sensor_msgs/msg/Image",
+        header=info.header,
+        height=info.height,
+        width=info.width,
+        encoding="bgr8",
+        is_bigendian=0,
+        step=3 * info.width,
+        data=np.full(3 * info.width * info.height, 120, np.uint8),
+    )
+
+
+def test_images_masks_and_boxes_of_coco_fit_together(
+    image_replay: Path, run_are: RunAre, tmp_path: Path
+) -> None:
+    """Decoded by hand: what a mask covers is painted, and its box is around it."""
+    done = run_are("export", image_replay, "--coco", tmp_path / "set")
+    assert done.returncode == 0, done.stderr
+    content = json.loads((tmp_path / "set" / "annotations.json").read_text())
+    names = {one["id"]: one["name"] for one in content["categories"]}
+    outputs = read_outputs(image_replay / "augmented.mcap")
+    pictures = {}
+    for one in content["images"]:
+        picture = cv2.imread(str(tmp_path / "set" / "images" / one["file_name"]))
+        assert picture is not None
+        assert picture.shape == (one["height"], one["width"], 3)
+        pictures[one["id"]] = picture
+    assert len(pictures) > 10
+    assert len(content["annotations"]) > 10
+    for one in content["annotations"]:
+        height, width = one["segmentation"]["size"]
+        counts = one["segmentation"]["counts"]
+        values = np.arange(len(counts)) % 2
+        mask = np.repeat(values, counts).reshape((height, width), order="F").astype(bool)
+        assert mask.sum() == one["area"] > 0
+        left, top, across, down = one["bbox"]
+        box = mask[top : top + down, left : left + across]
+        assert box.sum() == one["area"]
+        assert all(edge.any() for edge in (box[0], box[-1], box[:, 0], box[:, -1]))
+        is_painted = (pictures[one["image_id"]] != 120).any(axis=2)
+        assert is_painted[mask].mean() > 0.95
+        state = outputs.kinds[one["artefact_id"]]
+        assert (names[one["category_id"]], one["label"]) == (state.class_name, state.label)

@@ -1,0 +1,148 @@
+"""Painted images with masks and boxes, as COCO has them."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.bag.recording import PREFIX
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import BagError, InputError
+from are_ros.export.truth import OpenProgress, TruthReader
+from are_ros.messages.images.colour import read_colour
+from are_ros.messages.images.image import read_image
+from are_ros.wording import counted, why_refused
+
+_MASK = "/mask"
+
+
+class CocoWriter:
+    """Writes an image and the masks of its artefacts once both have come."""
+
+    def __init__(self, folder: Path) -> None:
+        self.images: list[dict[str, Any]] = []
+        self.annotations: list[dict[str, Any]] = []
+        self.kinds: dict[int, tuple[str, str]] = {}
+        self._folder = folder
+        (folder / "images").mkdir(parents=True, exist_ok=True)
+
+    def add(self, stamp_ns: int, rgb: npt.NDArray[np.uint8], ids: npt.NDArray[np.int32]) -> None:
+        """Add an image (H, W, 3) and the ids (H, W) of the artefacts at its pixels, 0: none."""
+        import cv2
+
+        number = len(self.images) + 1
+        name = f"{number - 1:06d}.png"
+        _, data = cv2.imencode(".png", np.ascontiguousarray(rgb[:, :, ::-1]))
+        (self._folder / "images" / name).write_bytes(data.tobytes())
+        height, width = ids.shape
+        self.images.append(
+            {
+                "id": number,
+                "file_name": name,
+                "width": width,
+                "height": height,
+                "stamp": f"{stamp_ns // NS_PER_S}.{stamp_ns % NS_PER_S:09d}",
+            }
+        )
+        for artefact_id in np.unique(ids[ids > 0]).tolist():
+            self.annotations.append(self._annotation(number, artefact_id, ids == artefact_id))
+
+    def finish(self) -> int:
+        """Write annotations.json; return how many artefacts it tells of.
+
+        Those of whom the recording tells no class, who left between two ticks, are left out.
+        """
+        names = sorted({name for name, _ in self.kinds.values()})
+        categories = {name: k + 1 for k, name in enumerate(names)}
+        kept: list[dict[str, Any]] = []
+        for one in self.annotations:
+            kind = self.kinds.get(one["artefact_id"])
+            if kind is not None:
+                own = {"id": len(kept) + 1, "category_id": categories[kind[0]], "label": kind[1]}
+                kept.append({**one, **own})
+        content = {
+            "info": {"description": "artefacts painted by ARE"},
+            "images": self.images,
+            "annotations": kept,
+            "categories": [{"id": k, "name": name} for name, k in categories.items()],
+        }
+        path = self._folder / "annotations.json"
+        path.write_text(json.dumps(content, indent=1), encoding="utf-8")
+        return len(kept)
+
+    def _annotation(
+        self, image: int, artefact_id: int, mask: npt.NDArray[np.bool_]
+    ) -> dict[str, Any]:
+        rows, columns = np.nonzero(mask)
+        left, top = int(columns.min()), int(rows.min())
+        return {
+            "image_id": image,
+            "artefact_id": artefact_id,
+            "segmentation": {"size": list(mask.shape), "counts": run_lengths(mask)},
+            "area": len(rows),
+            "bbox": [left, top, int(columns.max()) - left + 1, int(rows.max()) - top + 1],
+            "iscrowd": 0,
+        }
+
+
+def run_lengths(mask: npt.NDArray[np.bool_]) -> list[int]:
+    """Return the lengths of the runs of a mask (H, W), column by column, zeros first."""
+    flat = mask.ravel(order="F")
+    changes = np.flatnonzero(np.diff(flat.astype(np.int8), prepend=0, append=1 - int(flat[-1])))
+    return [int(n) for n in np.diff(changes, prepend=0)]
+
+
+def export_coco(recording: Path, folder: Path, image: str, open_progress: OpenProgress) -> str:
+    """Write images and annotations into a folder, and return a sentence about them.
+
+    `image` names the painted image's topic, empty where there is one only. Raises BagError.
+    """
+    reader = TruthReader(recording)
+    topic = _chosen(reader, recording, image)
+    images: dict[int, npt.NDArray[np.uint8]] = {}
+    try:
+        writer = CocoWriter(folder)
+
+        def take_image(message: Any) -> None:
+            try:
+                taken = read_colour(message, topic)
+                images[taken.stamp_ns] = taken.pixels.rgb()
+            except InputError as cause:
+                raise BagError(f"--coco: {cause}") from cause
+
+        def take_mask(message: Any) -> None:
+            mask = read_image(message, topic + _MASK)
+            rgb = images.pop(mask.stamp_ns, None)
+            if rgb is not None:
+                writer.add(mask.stamp_ns, rgb, mask.pixels().astype(np.int32))
+            for stamp_ns in [one for one in images if one < mask.stamp_ns]:
+                del images[stamp_ns]
+
+        for tick in reader.read(open_progress, {topic: take_image, topic + _MASK: take_mask}):
+            scene = tick.scene
+            for number, name, label in zip(
+                scene.ids.tolist(), scene.classes, scene.labels, strict=True
+            ):
+                writer.kinds[number] = name, label
+        count = writer.finish()
+    except OSError as cause:
+        raise BagError(f"--coco {folder}: {why_refused(cause)}") from cause
+    return f"coco: {folder} ({counted(len(writer.images), 'image')}, {counted(count, 'mask')})"
+
+
+def _chosen(reader: TruthReader, recording: Path, image: str) -> str:
+    """Return the topic of the painted image; BagError if it has no mask or is not the only one."""
+    known = sorted(
+        topic.removesuffix(_MASK)
+        for topic in reader.types
+        if topic.startswith(PREFIX) and topic.endswith(_MASK)
+    )
+    wanted = [topic for topic in known if image.strip("/") in {topic.strip("/"), ""}]
+    if len(wanted) == 1:
+        return wanted[0]
+    if not known:
+        raise BagError(f"--coco: {recording} has no mask of an image (sensors.masks: true)")
+    reason = f"it has no mask of {image}" if image else "it has masks of several images"
+    raise BagError(f"--coco: {reason}; choose one with --image: {', '.join(known)}")
