@@ -60,6 +60,9 @@ _LIVES = "tests/builder/test_population_manager.py::"
 _BUILDER = "tests/builder/test_ar_builder.py::"
 _CELLS_TEST = _RUN + "test_the_map_is_the_real_one_outside_artefacts_and_100_inside"
 _COSTMAP_TEST = _RUN + "test_the_costmap_is_never_below_that_of_the_real_map"
+_DEPTHS = (
+    "tests/builder/sensors/test_depth_image.py::test_walls_hide_only_from_pixels_without_a_return"
+)
 _SCAN_TEST = _RUN + "test_no_real_return_leaves_a_scan_unless_a_virtual_surface_is_in_front"
 _WALL_TEST = _RUN + "test_no_artefact_overlaps_a_wall"
 _DEPARTED_TEST = _RUN + "test_a_departed_artefact_is_in_no_list_and_not_drawn"
@@ -152,6 +155,9 @@ BREAKAGES = (
     Breakage(RETURNS, "walls hide nothing from beams without a return",
              "builder.sensors.laser_scan:_are_hidden",
              lambda real, _scan, beams, *_: none(real, beams), _SCAN_TEST),
+    Breakage(RETURNS, "walls hide nothing from pixels without a depth",
+             "builder.sensors.depth_image:_are_hidden",
+             lambda real, _pose, rays, *_: none(real, rays), _DEPTHS),
     Breakage(RETURNS, "a scan meets the artefacts of a second ago",
              "builder.population_manager:PopulationManager.scene_at",
              lambda real, self, t_ns, arrived_by_ns=None:
