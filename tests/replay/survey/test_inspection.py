@@ -213,3 +213,17 @@ def test_a_base_that_hangs_alone_hangs_together_with_nothing(
     path = write_bag(tmp_path / "bag.mcap", [("/tf", 0, make_transforms(factory, edges))])
     (no_pose,) = inspected(path, has_map_file=True).missing
     assert no_pose.startswith("nothing joins map to base_link: give the transform")
+
+
+def test_a_depth_image_without_its_camera_info_is_said(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """It could be nowhere but beside the image, its transport aside."""
+    image = factory.make("sensor_msgs/msg/CompressedImage", header=make_header(factory, "d", 0))
+    info = factory.make("sensor_msgs/msg/CameraInfo", header=make_header(factory, "d", 0))
+    topic = "/d/depth/compressedDepth"
+    sentence = f"{topic} has no CameraInfo beside it, on /d/camera_info: it is not augmented"
+    bare = write_bag(tmp_path / "bare.mcap", [(topic, 0, image)])
+    assert sentence in inspected(bare).missing
+    both = write_bag(tmp_path / "both.mcap", [(topic, 0, image), ("/d/camera_info", 1, info)])
+    assert sentence not in inspected(both).missing
