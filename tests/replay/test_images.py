@@ -11,7 +11,8 @@ import pytest
 from are_ros.bag.reader import BagReader
 from are_ros.builder.assembly import catalogue_of
 from are_ros.parameters.model import Parameters
-from are_ros.population.meshes.geometry import surface_of
+from are_ros.population.meshes.appearance import drawn_mesh
+from are_ros.population.randomness import Purpose, generator
 from tests.oracles.recorded import Frames, read_inputs
 from tests.replay.conftest import RunAre
 
@@ -68,12 +69,15 @@ def test_the_child_stands_at_one_place_in_all_five_frames(redwood: Path) -> None
     rays = np.stack(((u - cx) / fx, (v - cy) / fy, np.ones_like(u)), axis=2).reshape(-1, 3)
     lengths = np.linalg.norm(rays, axis=1)
     row = next(r for r in catalogue_of(Parameters()).rows if r.label == "person_child_small")
-    vertices, faces, _ = surface_of(row)
+    masks, images = (messages(redwood, f"/ar_builder/camera/image{end}") for end in ("/mask", ""))
+    child = int(pixels_of(masks[0], "<i4").max())
+    looks = generator(Parameters().seed, Purpose.APPEARANCE, child)
+    vertices = drawn_mesh(row, looks).corners_m.reshape(-1, 3) + row.box_centre_in_artefact_m
+    faces = np.arange(len(vertices)).reshape(-1, 3)
     low = vertices[:, 2].min()
     cos, sin = math.cos(0.9), math.sin(0.9)
     turned = vertices @ np.array(((cos, -sin, 0.0), (sin, cos, 0.0), (0.0, 0.0, 1.0))).T
     body = trimesh.Trimesh(turned + np.array((-2.05, -3.4, -low)), faces, process=False)
-    masks, images = (messages(redwood, f"/ar_builder/camera/image{end}") for end in ("/mask", ""))
     depths = {one.header.stamp.nanosec: one for one in messages(redwood, "/camera/depth")}
     before = {one.header.stamp.nanosec: one for one in messages(redwood, "/camera/image")}
     assert len(images) == 5

@@ -1,19 +1,21 @@
 """What is drawn of an artefact: triangles with normals, colours and a texture."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros.population.catalogue import CatalogueRow
-from are_ros.population.meshes.geometry import surface_of
-from are_ros.population.meshes.shapes import Shape
+from are_ros.population.meshes.appearance import DrawnMesh, differs, drawn_mesh
+from are_ros.population.randomness import Purpose, generator
 
 Floats = npt.NDArray[np.float32]
 
 _CREASE: Final = 0.6
 """Faces that meet at less than the angle of this cosine, 53 degrees, are one rounded surface."""
+_KEPT: Final = 200
+"""So many surfaces are kept; a person's takes half a megabyte."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +36,24 @@ class Surface:
     is_closed: bool
 
     @classmethod
-    def of_row(cls, row: CatalogueRow) -> "Surface":
-        """Return the surface of a row, with the colours of its faces."""
-        vertices_m, faces, colours = surface_of(row)
-        corners = (vertices_m - np.array(row.box_centre_in_artefact_m))[faces]
-        return cls.of(corners, colours[:, :3], is_closed=isinstance(row.surface, Shape))
+    def of_mesh(cls, mesh: DrawnMesh) -> "Surface":
+        """Return the surface of a mesh; corners without normals take those of the faces there."""
+        normals = mesh.normals
+        if normals is None or not normals.any(axis=2).all():
+            own = corner_normals(mesh.corners_m)
+            normals = (
+                own
+                if normals is None
+                else np.where(normals.any(axis=2, keepdims=True), normals, own)
+            )
+        return cls(
+            np.ascontiguousarray(mesh.corners_m, dtype=np.float32),
+            np.ascontiguousarray(normals, dtype=np.float32),
+            np.ascontiguousarray(to_linear(mesh.colours), dtype=np.float32),
+            np.ascontiguousarray(mesh.uvs, dtype=np.float32),
+            np.ascontiguousarray(mesh.texture),
+            mesh.is_closed,
+        )
 
     @classmethod
     def of(
@@ -49,15 +64,8 @@ class Surface:
         is_closed: bool = False,
     ) -> "Surface":
         """Return a surface of corners (F, 3, 3) [m] and sRGB colours (F, 3) of faces in [0, 1]."""
-        linear = np.repeat(to_linear(colours)[:, np.newaxis], 3, axis=1)
-        return cls(
-            np.ascontiguousarray(corners_m, dtype=np.float32),
-            corner_normals(corners_m).astype(np.float32),
-            np.ascontiguousarray(linear, dtype=np.float32),
-            np.full((len(corners_m), 3, 2), np.nan, dtype=np.float32),
-            np.zeros((1, 1, 3), dtype=np.uint8),
-            is_closed,
-        )
+        plain = DrawnMesh.plain(corners_m, np.repeat(colours[:, np.newaxis], 3, axis=1))
+        return cls.of_mesh(replace(plain, is_closed=is_closed))
 
 
 def to_linear(srgb: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
@@ -99,13 +107,21 @@ def corner_normals(corners_m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64
 
 
 class SurfaceBank:
-    """Makes the surface of a row when it is first asked for, and keeps it."""
+    """Makes the surface of an artefact when it is first asked for, and keeps the newest.
 
-    def __init__(self) -> None:
-        self._surfaces: dict[int, Surface] = {}
+    How an artefact looks depends on the seed and its id, not on when it is seen.
+    """
 
-    def of(self, row: CatalogueRow) -> Surface:
-        """Return the surface of a row."""
-        if row.index not in self._surfaces:
-            self._surfaces[row.index] = Surface.of_row(row)
-        return self._surfaces[row.index]
+    def __init__(self, seed: int = 0) -> None:
+        self._seed = seed
+        self._surfaces: dict[tuple[int, int], Surface] = {}
+
+    def of(self, row: CatalogueRow, artefact_id: int = 0) -> Surface:
+        """Return the surface of an artefact of a row."""
+        key = row.index, artefact_id if differs(row) else 0
+        if key not in self._surfaces:
+            while len(self._surfaces) >= _KEPT:
+                self._surfaces.pop(next(iter(self._surfaces)))
+            random = generator(self._seed, Purpose.APPEARANCE, artefact_id)
+            self._surfaces[key] = Surface.of_mesh(drawn_mesh(row, random))
+        return self._surfaces[key]

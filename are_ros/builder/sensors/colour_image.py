@@ -13,7 +13,7 @@ from are_ros.builder.sensors.lens import Lens
 from are_ros.builder.sensors.sensor_path import Obstacles
 from are_ros.builder.sensors.studio import Studio
 from are_ros.errors import InputError
-from are_ros.population.catalogue import CatalogueRow
+from are_ros.population.artefact import Artefact
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -201,7 +201,7 @@ class ColourImage:
                 f" {self.lens.info.source} is of {view.width} x {view.height}"
             )
         bodies = [
-            _body(studio, artefact.row, pose, half_sizes_m)
+            _body(studio, artefact, pose, half_sizes_m)
             for artefact, pose, half_sizes_m in zip(
                 scene.artefacts,
                 np.column_stack((obstacles.boxes.centres_m, obstacles.boxes.yaws_rad)).tolist(),
@@ -232,7 +232,7 @@ class ColourImage:
 
 def _body(
     studio: Studio,
-    row: CatalogueRow,
+    artefact: Artefact,
     pose: Sequence[float],
     half_sizes_m: npt.NDArray[np.float64],
 ) -> PaintedBody:
@@ -240,7 +240,9 @@ def _body(
     x_m, y_m, z_m, yaw_rad = pose
     map_from_box = RigidTransform.planar(x_m, y_m, yaw_rad, z_m)
     ground_m = z_m - float(half_sizes_m[2])
-    return PaintedBody(studio.surfaces.of(row), map_from_box, half_sizes_m, ground_m)
+    return PaintedBody(
+        studio.surfaces.of(artefact.row, artefact.id), map_from_box, half_sizes_m, ground_m
+    )
 
 
 def _with_shadows(boxes: OrientedBoxes) -> OrientedBoxes:

@@ -40,7 +40,7 @@ class Studio:
     """Keeps painters by lens, surfaces by row, and the newest depth images."""
 
     def __init__(self, settings: RenderingParameters, seed: int) -> None:
-        self.surfaces = SurfaceBank()
+        self.surfaces = SurfaceBank(seed)
         self.settings = settings
         self.expects_depth = False
         """Whether there may be depth images, though none has come yet."""

@@ -92,7 +92,7 @@ def read_mesh_file(source: MeshFile, colour: Colour) -> "trimesh.Trimesh":
     """
     import trimesh
 
-    bodies = _bodies(source)
+    bodies = read_bodies(source)
     vertices = np.concatenate([body.vertices for body in bodies])
     if not np.isfinite(vertices).all():
         raise CatalogueError(f"the mesh file {source.path} has a vertex that is not finite")
@@ -100,14 +100,14 @@ def read_mesh_file(source: MeshFile, colour: Colour) -> "trimesh.Trimesh":
     # Files repeat a vertex for each normal and texture coordinate. Without those, trimesh merges
     # what is one point in space, so that a closed surface is seen to be closed.
     mesh = trimesh.Trimesh(
-        source.metres_per_unit * vertices @ _axes(source).T,
+        source.metres_per_unit * vertices @ axes_of(source).T,
         np.concatenate([body.faces + start for body, start in zip(bodies, starts, strict=True)]),
-        face_colors=np.concatenate([_face_colours(body, colour) for body in bodies]),
+        face_colors=np.concatenate([face_colours(body, colour) for body in bodies]),
     )
     return _balanced(mesh, source)
 
 
-def _bodies(source: MeshFile) -> list[Any]:
+def read_bodies(source: MeshFile) -> list[Any]:
     """Return the bodies (trimesh.Trimesh) of a file, each where the file has it."""
     import trimesh
 
@@ -118,7 +118,8 @@ def _bodies(source: MeshFile) -> list[Any]:
         raise CatalogueError(f"the mesh file {source.path} is none of {known}")
     try:
         # Unprocessed: trimesh would drop what is not finite without a word.
-        parts = trimesh.load(source.path, force="scene", process=False).dump()
+        scene = trimesh.load(source.path, force="scene", process=False)
+        parts = [_placed(scene, node) for node in scene.graph.nodes_geometry]
     except Exception as cause:  # a broken file fails anywhere in trimesh's readers
         reason = " ".join(str(cause).split())
         raise CatalogueError(f"the mesh file {source.path} cannot be read: {reason}") from cause
@@ -128,7 +129,17 @@ def _bodies(source: MeshFile) -> list[Any]:
     return bodies
 
 
-def _face_colours(body: "trimesh.Trimesh", colour: Colour) -> npt.NDArray[np.uint8]:
+def _placed(scene: Any, node: str) -> Any:
+    """Return the body of a node where the scene has it; `Scene.dump` would lose its normals."""
+    transform, name = scene.graph[node]
+    body = scene.geometry[name]
+    if hasattr(body, "faces"):
+        body = body.copy(include_cache=True)
+        body.apply_transform(transform)
+    return body
+
+
+def face_colours(body: "trimesh.Trimesh", colour: Colour) -> npt.NDArray[np.uint8]:
     """Return the colours (F, 4) that the file gives to a body's faces, or else `colour`."""
     visual = body.visual
     if visual.kind != "texture":
@@ -142,7 +153,7 @@ def _face_colours(body: "trimesh.Trimesh", colour: Colour) -> npt.NDArray[np.uin
     return np.broadcast_to(own, (len(body.faces), 4)).astype(np.uint8)
 
 
-def _axes(source: MeshFile) -> npt.NDArray[np.float64]:
+def axes_of(source: MeshFile) -> npt.NDArray[np.float64]:
     """Return the rotation (3, 3) that takes the file's forward and up axes to +x and +z."""
     forward, up = _axis(source.forward), _axis(source.up)
     return np.stack((forward, np.cross(up, forward), up))

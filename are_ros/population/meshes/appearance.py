@@ -1,0 +1,192 @@
+"""What a camera sees of an artefact: triangles with normals, colours and a texture.
+
+Persons differ from each other. A mesh file keeps its texture coordinates, textures and normals.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros.population.catalogue import CatalogueRow, MeshFile
+from are_ros.population.meshes.figure import Appearance, person_figure
+from are_ros.population.meshes.geometry import axes_of, face_colours, read_bodies, surface_of
+from are_ros.population.meshes.shapes import Shape
+
+if TYPE_CHECKING:
+    import trimesh
+
+Floats = npt.NDArray[np.float64]
+Pixels = npt.NDArray[np.uint8]
+
+_LARGEST: Final = 2048
+"""Textures are not larger than this, in pixels along a side."""
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnMesh:
+    """F triangles in the frame of the artefact's box, whose origin is the box's centre.
+
+    `corners_m` float64 (F, 3, 3) [m]; `colours` float64 (F, 3, 3), sRGB in [0, 1], at the corners;
+    `normals` (F, 3, 3), unit, None where the source has none. `uvs` (F, 3, 2) are places in [0, 1]
+    in the `texture` uint8 (H, W, 3), sRGB, from its lower left corner, NaN for faces without. A
+    surface that `is_closed` has its corners anticlockwise as seen from outside.
+    """
+
+    corners_m: Floats
+    colours: Floats
+    normals: Floats | None
+    uvs: Floats
+    texture: Pixels
+    is_closed: bool
+
+    @classmethod
+    def plain(
+        cls, corners_m: Floats, colours: Floats, normals: Floats | None = None
+    ) -> "DrawnMesh":
+        """Return a closed mesh without texture."""
+        none = np.full((len(corners_m), 3, 2), np.nan)
+        return cls(corners_m, colours, normals, none, np.zeros((1, 1, 3), dtype=np.uint8), True)
+
+
+def differs(row: CatalogueRow) -> bool:
+    """Return whether the artefacts of a row look different from each other."""
+    return row.surface is Shape.PERSON
+
+
+def drawn_mesh(row: CatalogueRow, random: np.random.Generator) -> DrawnMesh:
+    """Return what is drawn of an artefact of a row; `random` chooses how a person looks.
+
+    A person has the size of the row's box, or is up to an eighth narrower. `CatalogueError` as
+    `geometry.mesh_of`.
+    """
+    if isinstance(row.surface, MeshFile):
+        return _of_file(row.surface, row.colour)
+    if row.surface is Shape.PERSON:
+        looks = Appearance.drawn(
+            random,
+            row.colour,
+            is_senior=row.features.get("age") == "senior",
+            has_vest=row.features.get("clothing") == "high visibility",
+        )
+        figure = person_figure(row.size_m, looks)
+        return DrawnMesh.plain(figure.corners_m, figure.colours, figure.normals)
+    vertices_m, faces, colours = surface_of(row)
+    corners = (vertices_m - np.array(row.box_centre_in_artefact_m))[faces]
+    return DrawnMesh.plain(corners, np.repeat(colours[:, np.newaxis, :3], 3, axis=1))
+
+
+def _of_file(source: MeshFile, colour: tuple[float, float, float, float]) -> DrawnMesh:
+    """Return the bodies of a file, with all their textures in one."""
+    bodies = read_bodies(source)
+    turn = axes_of(source)
+    corners = np.concatenate(
+        [source.metres_per_unit * body.vertices[body.faces] @ turn.T for body in bodies]
+    )
+    flat = corners.reshape(-1, 3)
+    corners = corners - 0.5 * (flat.min(axis=0) + flat.max(axis=0))
+    colours = np.concatenate([_corner_colours(body, colour) for body in bodies])
+    own = [_normals(body) for body in bodies]
+    normals = None
+    if any(one is not None for one in own):
+        normals = np.concatenate(
+            [
+                np.zeros((len(b.faces), 3, 3)) if n is None else n
+                for b, n in zip(bodies, own, strict=True)
+            ]
+        )
+        normals = normals @ turn.T
+    uvs, texture = _atlas(bodies)
+    return DrawnMesh(corners, colours, normals, uvs, texture, False)
+
+
+def _normals(body: "trimesh.Trimesh") -> Floats | None:
+    """Return the normals (F, 3, 3) that the file has for a body's corners, None if it has none."""
+    if "vertex_normals" not in body._cache.cache:  # noqa: SLF001 - else trimesh computes them
+        return None
+    found: Floats = np.asarray(body.vertex_normals, dtype=np.float64)[body.faces]
+    return found
+
+
+def _corner_colours(body: "trimesh.Trimesh", colour: tuple[float, ...]) -> Floats:
+    """Return the sRGB colours (F, 3, 3) at the corners of a body."""
+    if body.visual.kind == "vertex":
+        of_corners = np.asarray(body.visual.vertex_colors)[body.faces][:, :, :3]
+    else:
+        of_faces = face_colours(body, (colour[0], colour[1], colour[2], colour[3]))
+        of_corners = np.repeat(of_faces[:, np.newaxis, :3], 3, axis=1)
+    colours: Floats = of_corners / 255.0
+    return colours
+
+
+def _atlas(bodies: list[Any]) -> tuple[Floats, Pixels]:
+    """Return places (F, 3, 2) and the texture: those of the bodies, one above the other."""
+    pictures = [_picture(body) for body in bodies]
+    parts = [
+        (_uvs(body) if picture is not None else _without(body), picture)
+        for body, picture in zip(bodies, pictures, strict=True)
+    ]
+    tiles: list[Pixels] = []
+    places: list[Floats] = []
+    for uvs, picture in parts:
+        if picture is None:
+            places.append(uvs)
+            continue
+        # A face that begins beyond the picture begins in its repetition; what it reaches over
+        # is laid out as often as needed.
+        shifted = uvs - np.floor(uvs.min(axis=1, keepdims=True) + 1e-9)
+        times = np.maximum(np.ceil(shifted.max(axis=(0, 1)) - 1e-6), 1.0).astype(int)
+        times = np.minimum(times, 8)
+        step = max(
+            -(-picture.shape[1] * times[0] // _LARGEST),
+            -(-picture.shape[0] * times[1] // _LARGEST),
+            1,
+        )
+        tiles.append(np.tile(picture[::step, ::step], (times[1], times[0], 1)))
+        places.append(shifted / times)
+    if not tiles:
+        return np.concatenate(places), np.zeros((1, 1, 3), dtype=np.uint8)
+    width, height = max(t.shape[1] for t in tiles), sum(t.shape[0] for t in tiles)
+    texture = np.zeros((height, width, 3), dtype=np.uint8)
+    top, number = 0, 0
+    for k, (_, picture) in enumerate(parts):
+        if picture is None:
+            continue
+        tile = tiles[number]
+        number += 1
+        texture[top : top + tile.shape[0], : tile.shape[1]] = tile
+        size = np.array((tile.shape[1] / width, tile.shape[0] / height))
+        low = np.array((0.0, 1.0 - (top + tile.shape[0]) / height))
+        # Half a pixel inside, so that a neighbour of the atlas does not shine through.
+        inside = 0.5 / np.array(tile.shape[1::-1])
+        places[k] = low + np.clip(places[k], inside, 1.0 - inside) * size
+        top += tile.shape[0]
+    return np.concatenate(places), texture
+
+
+def _uvs(body: "trimesh.Trimesh") -> Floats:
+    """Return the places (F, 3, 2) in a body's picture."""
+    found: Floats = np.asarray(body.visual.uv, dtype=np.float64)[body.faces][:, :, :2]
+    return found
+
+
+def _without(body: "trimesh.Trimesh") -> Floats:
+    return np.full((len(body.faces), 3, 2), np.nan)
+
+
+def _picture(body: "trimesh.Trimesh") -> Pixels | None:
+    """Return the texture of a body, times the material's factor; None where it has none."""
+    if body.visual.kind != "texture" or body.visual.uv is None:
+        return None
+    material = body.visual.material
+    picture = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+    if picture is None:
+        return None
+    pixels = np.asarray(picture.convert("RGB"), dtype=np.uint8)
+    factor = getattr(material, "baseColorFactor", None)
+    if factor is not None:
+        # The factor is one of intensities; sRGB is nearly their power of 1 / 2.2.
+        share = (np.asarray(factor, dtype=np.float64)[:3] / 255.0) ** (1.0 / 2.2)
+        pixels = np.rint(pixels * share).astype(np.uint8)
+    return pixels
