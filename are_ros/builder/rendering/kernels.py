@@ -38,11 +38,12 @@ def draw(
 ) -> None:
     """Lower the ranges (H, W) of samples to the first hit on any triangle, and note which it was.
 
-    `rays` (H, W, 3) are unit, zero where there is none, and `corners` (F, 3, 3) are in the camera's
+    `rays` (3, H, W) are unit, zero where there is none, and `corners` (F, 3, 3) are in the camera's
     frame. Triangle f is looked for at columns bounds[f, 0] to bounds[f, 2] and rows bounds[f, 1] to
     bounds[f, 3], the ends left out. Of a closed surface the far side is left out.
     """
-    for face in range(corners.shape[0]):
+    for number in range(corners.shape[0]):
+        face = np.int32(number)
         left, top, right, bottom = bounds[face]
         if left >= right or top >= bottom:
             continue
@@ -57,16 +58,20 @@ def draw(
         if is_closed and above <= _ZERO:
             continue
         for row in range(top, bottom):
-            for column in range(left, right):
-                x, y, z = rays[row, column, 0], rays[row, column, 1], rays[row, column, 2]
+            xs, ys = rays[0, row, left:right], rays[1, row, left:right]
+            zs = rays[2, row, left:right]
+            near, who = ranges[row, left:right], faces[row, left:right]
+            # From 0 on and without branches: so the compiler uses the vector units.
+            for column in range(near.size):
+                x, y, z = xs[column], ys[column], zs[column]
                 scale = _ONE / (x * nx + y * ny + z * nz)
                 u = (x * ux + y * uy + z * uz) * scale
                 v = (x * vx + y * vy + z * vz) * scale
                 t = above * scale
-                is_met = (u >= -_EDGE) & (v >= -_EDGE) & (u + v <= _ONE + _EDGE) & (t > _ZERO)
-                if is_met and t < ranges[row, column]:
-                    ranges[row, column] = t
-                    faces[row, column] = face
+                is_inside = (u >= -_EDGE) & (v >= -_EDGE) & (u + v <= _ONE + _EDGE)
+                is_nearer = is_inside & (t > _ZERO) & (t < near[column])
+                near[column] = t if is_nearer else near[column]
+                who[column] = face if is_nearer else who[column]
 
 
 @compiled
@@ -114,6 +119,7 @@ def merge(
 
 @compiled
 def shade(
+    pixel_rays: Floats,
     rays: Floats,
     window: Integers,
     body: int,
@@ -130,64 +136,110 @@ def shade(
 ) -> int:
     """Add the light that a body sends to the layer (H, W, 4); return the number of its samples.
 
-    The layer has linear red, green, blue, and the covered share, for each pixel. `corners` and
-    `normals` are in the camera's frame. `light` (3, 3) has the direction to the lamp there, the
-    direction up, and the strength of lamp, of the sky above, and of the ground below. `linear`
-    (256,) are the intensities of sRGB values.
+    The layer has linear red, green, blue, and the covered share, for each pixel of the `window`.
+    `corners` and `normals` are in the camera's frame. `light` (3, 3) has the direction to the lamp
+    there, the direction up, and the strength of lamp, of the sky above, and of the ground below.
+    `linear` (256,) are the intensities of sRGB values. A pixel whose four samples meet one triangle
+    is shaded once, along its own ray.
     """
     seen = 0
-    height, width = texture.shape[0], texture.shape[1]
     for row in range(window[1], window[3]):
         for column in range(window[0], window[2]):
-            if front_body[row, column] != body:
-                continue
-            seen += 1
-            face = front_face[row, column]
-            triangle = corners[face]
-            x, y, z = rays[row, column, 0], rays[row, column, 1], rays[row, column, 2]
-            sx, sy, sz = -triangle[0, 0], -triangle[0, 1], -triangle[0, 2]
-            ax, ay, az = triangle[1, 0] + sx, triangle[1, 1] + sy, triangle[1, 2] + sz
-            bx, by, bz = triangle[2, 0] + sx, triangle[2, 1] + sy, triangle[2, 2] + sz
-            nx, ny, nz = by * az - bz * ay, bz * ax - bx * az, bx * ay - by * ax
-            scale = _ONE / (x * nx + y * ny + z * nz)
-            u = (
-                x * (by * sz - bz * sy) + y * (bz * sx - bx * sz) + z * (bx * sy - by * sx)
-            ) * scale
-            v = (
-                x * (sy * az - sz * ay) + y * (sz * ax - sx * az) + z * (sx * ay - sy * ax)
-            ) * scale
-            w = _ONE - u - v
-            one, two, three = normals[face, 0], normals[face, 1], normals[face, 2]
-            mx = w * one[0] + u * two[0] + v * three[0]
-            my = w * one[1] + u * two[1] + v * three[1]
-            mz = w * one[2] + u * two[2] + v * three[2]
-            length = np.sqrt(mx * mx + my * my + mz * mz)
-            towards = -(x * mx + y * my + z * mz)
-            turn = (_ONE if towards >= _ZERO else -_ONE) / max(length, np.float32(1e-12))
-            lamp = turn * (mx * light[0, 0] + my * light[0, 1] + mz * light[0, 2])
-            upward = turn * (mx * light[1, 0] + my * light[1, 1] + mz * light[1, 2])
-            sky = np.float32(0.5) * (_ONE + upward)
-            bright = light[2, 0] * max(lamp, _ZERO) + light[2, 1] * sky + light[2, 2] * (_ONE - sky)
-            pixel = layer[row // SAMPLES, column // SAMPLES]
-            across = w * uvs[face, 0, 0] + u * uvs[face, 1, 0] + v * uvs[face, 2, 0]
-            if not np.isnan(across):
-                along = w * uvs[face, 0, 1] + u * uvs[face, 1, 1] + v * uvs[face, 2, 1]
-                across -= np.floor(across)
-                along -= np.floor(along)
-                tx = min(int(across * width), width - 1)
-                ty = min(int((_ONE - along) * height), height - 1)
-                for channel in range(3):
-                    pixel[channel] += bright * linear[texture[ty, tx, channel]] / _FOUR
-            else:
-                for channel in range(3):
-                    own = (
-                        w * colours[face, 0, channel]
-                        + u * colours[face, 1, channel]
-                        + v * colours[face, 2, channel]
-                    )
-                    pixel[channel] += bright * own / _FOUR
-            pixel[3] += _ONE / _FOUR
+            first_row, first_column = SAMPLES * row, SAMPLES * column
+            face, same, own = front_face[first_row, first_column], 0, 0
+            for sample in range(4):
+                r, c = first_row + sample // SAMPLES, first_column + sample % SAMPLES
+                is_own = front_body[r, c] == body
+                own += is_own
+                same += is_own and front_face[r, c] == face
+            seen += own
+            samples = 1 if same == SAMPLES * SAMPLES else SAMPLES * SAMPLES
+            part = _ONE if samples == 1 else _ONE / _FOUR
+            for sample in range(samples if own > 0 else 0):
+                r, c = first_row + sample // SAMPLES, first_column + sample % SAMPLES
+                if front_body[r, c] != body:
+                    continue
+                x, y, z = rays[0, r, c], rays[1, r, c], rays[2, r, c]
+                if samples == 1:
+                    x, y = pixel_rays[row, column, 0], pixel_rays[row, column, 1]
+                    z = pixel_rays[row, column, 2]
+                _add_light(
+                    x,
+                    y,
+                    z,
+                    front_face[r, c],
+                    corners,
+                    normals,
+                    colours,
+                    uvs,
+                    texture,
+                    linear,
+                    light,
+                    part,
+                    row,
+                    column,
+                    layer,
+                )
     return seen
+
+
+@compiled
+def _add_light(
+    x: np.float32,
+    y: np.float32,
+    z: np.float32,
+    face: int,
+    corners: Floats,
+    normals: Floats,
+    colours: Floats,
+    uvs: Floats,
+    texture: npt.NDArray[np.uint8],
+    linear: Floats,
+    light: Floats,
+    part: np.float32,
+    row: int,
+    column: int,
+    layer: Floats,
+) -> None:
+    """Add to a pixel of the layer a part of the light that comes along a ray from a triangle."""
+    sx, sy, sz = -corners[face, 0, 0], -corners[face, 0, 1], -corners[face, 0, 2]
+    ax, ay, az = corners[face, 1, 0] + sx, corners[face, 1, 1] + sy, corners[face, 1, 2] + sz
+    bx, by, bz = corners[face, 2, 0] + sx, corners[face, 2, 1] + sy, corners[face, 2, 2] + sz
+    nx, ny, nz = by * az - bz * ay, bz * ax - bx * az, bx * ay - by * ax
+    scale = _ONE / (x * nx + y * ny + z * nz)
+    u = (x * (by * sz - bz * sy) + y * (bz * sx - bx * sz) + z * (bx * sy - by * sx)) * scale
+    v = (x * (sy * az - sz * ay) + y * (sz * ax - sx * az) + z * (sx * ay - sy * ax)) * scale
+    w = _ONE - u - v
+    mx = w * normals[face, 0, 0] + u * normals[face, 1, 0] + v * normals[face, 2, 0]
+    my = w * normals[face, 0, 1] + u * normals[face, 1, 1] + v * normals[face, 2, 1]
+    mz = w * normals[face, 0, 2] + u * normals[face, 1, 2] + v * normals[face, 2, 2]
+    length = np.sqrt(mx * mx + my * my + mz * mz)
+    towards = -(x * mx + y * my + z * mz)
+    turn = (_ONE if towards >= _ZERO else -_ONE) / max(length, np.float32(1e-12))
+    lamp = turn * (mx * light[0, 0] + my * light[0, 1] + mz * light[0, 2])
+    upward = turn * (mx * light[1, 0] + my * light[1, 1] + mz * light[1, 2])
+    sky = np.float32(0.5) * (_ONE + upward)
+    bright = light[2, 0] * max(lamp, _ZERO) + light[2, 1] * sky + light[2, 2] * (_ONE - sky)
+    bright *= part
+    across = w * uvs[face, 0, 0] + u * uvs[face, 1, 0] + v * uvs[face, 2, 0]
+    if np.isnan(across):
+        for channel in range(3):
+            own = (
+                w * colours[face, 0, channel]
+                + u * colours[face, 1, channel]
+                + v * colours[face, 2, channel]
+            )
+            layer[row, column, channel] += bright * own
+    else:
+        height, width = texture.shape[0], texture.shape[1]
+        along = w * uvs[face, 0, 1] + u * uvs[face, 1, 1] + v * uvs[face, 2, 1]
+        across -= np.floor(across)
+        along -= np.floor(along)
+        tx = min(int(across * width), width - 1)
+        ty = min(int((_ONE - along) * height), height - 1)
+        for channel in range(3):
+            layer[row, column, channel] += bright * linear[texture[ty, tx, channel]]
+    layer[row, column, 3] += part
 
 
 @compiled
@@ -226,7 +278,7 @@ def darken(
             across = (box[3] * py - box[4] * px) / box[6]
             beyond = np.sqrt(along * along + across * across) - np.float32(0.75)
             away_m = max(beyond, _ZERO) * min(box[5], box[6])
-            if away_m > np.float32(0.8):
+            if away_m > np.float32(0.6):
                 continue
             near = np.exp(-((away_m / np.float32(0.06)) ** 2))
             wide = np.exp(-((away_m / np.float32(0.3)) ** 2))

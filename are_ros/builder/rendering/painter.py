@@ -22,7 +22,7 @@ _LINEAR: Final = to_linear(np.arange(256) / 255.0).astype(np.float32)
 _SRGB: Final = np.rint(255.0 * to_srgb(np.arange(4096) / 4095.0)).astype(np.uint8)
 _GREY: Final = 0.22
 """The mean linear intensity of the picture of a place that is lit with strength 1."""
-_SHADOW_M: Final = 0.7
+_SHADOW_M: Final = 0.5
 """A shadow reaches as far from the body's box."""
 _DARKEST, _BRIGHTEST = 0.1, 1.6
 
@@ -92,7 +92,7 @@ class Painter:
 
     @cached_property
     def sample_rays(self) -> Floats:
-        """The unit rays of the samples, float32 (2 H, 2 W, 3), zero where a pixel has none."""
+        """The unit rays of the samples, float32 (3, 2 H, 2 W), zero where a pixel has none."""
         whole = self.rays.astype(np.float64)
         has_ray = whole.any(axis=2)
         for axis in (0, 1):
@@ -113,7 +113,8 @@ class Painter:
             whole = np.stack(parts, axis=axis + 1).reshape(shape)
         whole[~np.repeat(np.repeat(has_ray, SAMPLES, 0), SAMPLES, 1)] = 0.0
         lengths = np.linalg.norm(whole, axis=2, keepdims=True)
-        rays: Floats = (whole / np.maximum(lengths, 1e-12)).astype(np.float32)
+        unit = (whole / np.maximum(lengths, 1e-12)).astype(np.float32)
+        rays: Floats = np.ascontiguousarray(unit.transpose(2, 0, 1))
         return rays
 
     def paint(
@@ -142,8 +143,9 @@ class Painter:
             surface, (corners, normals) = bodies[k].surface, frames[k]
             if met:
                 seen = shade(
+                    self.rays,
                     self.sample_rays,
-                    window,
+                    _of_pixels(window),
                     k,
                     corners,
                     normals,

@@ -65,7 +65,7 @@ def paint(
 
 def ranges_of(painter: Painter, body: PaintedBody) -> Floats:
     """Return the first hits of all samples on a body, one triangle at a time; inf where none."""
-    rays = painter.sample_rays.astype(np.float64)
+    rays = painter.sample_rays.transpose(1, 2, 0).astype(np.float64)
     camera_from_box = CAMERA.inverse() @ body.map_from_box
     turn = camera_from_box.rotation_matrix()
     best = np.full(rays.shape[:2], np.inf)
