@@ -192,7 +192,14 @@ class CameraObserver:
         self.prepare(environment)
         shapes = self._meshes.selection(scene.rows) if settings.shape is Shape.MESH else None
         buffer = self.prepare_camera(camera, settings)
-        seen = buffer.visibility(map_from_camera, scene.boxes, self._field, shapes, settings.mutual)
+        seen = buffer.visibility(
+            map_from_camera,
+            scene.boxes,
+            self._field,
+            shapes,
+            settings.mutual,
+            by_mesh=settings.target is Shape.MESH,
+        )
         return {
             artefact.id: _sighting(seen, i, now_ns, camera)
             for i, artefact in enumerate(scene.artefacts)

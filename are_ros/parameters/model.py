@@ -274,6 +274,12 @@ class OcclusionParameters:
     )
     max_range: float = parameter(30.0, "Longest viewing ray d_max.", unit="m", low=0.1, high=1000.0)
     shape: Shape = parameter(Shape.MESH, "Shape of the other artefacts as occluders.", live=True)
+    target: Shape = parameter(
+        Shape.BOX,
+        "Whose visible pixels count: those of the artefact's box, as in the paper, or of its mesh, "
+        "which asks for occlusion.shape: mesh.",
+        live=True,
+    )
     mutual: bool = parameter(True, "Artefacts hide each other.", live=True)
 
 

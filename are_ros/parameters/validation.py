@@ -5,11 +5,12 @@ from dataclasses import replace
 from typing import Final
 
 from are_ros.errors import ParameterError
-from are_ros.parameters.choices import OnRobotContact
+from are_ros.parameters.choices import OnRobotContact, Shape
 from are_ros.parameters.model import (
     CameraParameters,
     FramesParameters,
     MixtureParameters,
+    OcclusionParameters,
     Parameters,
     WorldParameters,
 )
@@ -24,12 +25,14 @@ def validated(parameters: Parameters) -> Parameters:
     ParameterError, naming the parameters, unless world.free_threshold is below
     world.occupied_threshold, mixture.weights and mixture.rates are of one length, not 0, the
     weights sum to 1 within 1e-6, camera.mount has six numbers, camera.others are distinct,
-    camera.other_rates are at least one and not more than those, and frames.map is not empty.
+    camera.other_rates are at least one and not more than those, occlusion.target is not mesh
+    where occlusion.shape is box, and frames.map is not empty.
     """
     _check_thresholds(parameters.world)
     _check_mixture(parameters.mixture)
     _check_mount(parameters.camera)
     _check_cameras(parameters.camera)
+    _check_target(parameters.occlusion)
     return replace(
         parameters,
         frames=_checked_frames(parameters.frames),
@@ -82,6 +85,14 @@ def _check_cameras(camera: CameraParameters) -> None:
         message = (
             f"parameters 'camera.others' and 'camera.other_rates': {len(topics)} topics and "
             f"{len(rates)} rates, but there is at least one rate, and no more than topics"
+        )
+        raise ParameterError(message)
+
+
+def _check_target(occlusion: OcclusionParameters) -> None:
+    if occlusion.target is Shape.MESH and occlusion.shape is not Shape.MESH:
+        message = (
+            "parameter 'occlusion.target': mesh asks for occlusion.shape: mesh, and that is box"
         )
         raise ParameterError(message)
 

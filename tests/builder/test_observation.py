@@ -8,6 +8,7 @@ import pytest
 
 from are_ros.agents.events import EventKind
 from are_ros.agents.robots import RobotTracker
+from are_ros.builder.assembly import catalogue_of
 from are_ros.builder.observation import (
     CameraObserver,
     Observation,
@@ -20,7 +21,7 @@ from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Shape
-from are_ros.parameters.model import OcclusionParameters
+from are_ros.parameters.model import OcclusionParameters, Parameters
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.world.cameras import (
@@ -257,3 +258,19 @@ def test_sight_events_in_the_order_of_ids() -> None:
         (EventKind.PERCEIVED, 7, "d", 5),
         (EventKind.LOST, 9, "c", 5),
     ]
+
+
+def test_a_body_is_perceived_by_its_own_pixels_if_the_target_is_its_mesh(
+    environment: Environment,
+) -> None:
+    """Its box has more pixels; both count what is visible of them."""
+    row = next(r for r in catalogue_of(Parameters()).rows if r.label == "person_adult")
+    eye, _ = watch(10.0)
+    scene, pose = standing(row, (2.5, 2.0)), RigidTransform.from_xyz_ypr(1, 2, 1, 0, 0, 0)
+    found = [
+        eye.look(0, CAMERA, pose @ FORWARD_FROM_OPTICAL, environment, scene, settings)[1]
+        for settings in (OcclusionParameters(tau=0), OcclusionParameters(tau=0, target=Shape.MESH))
+    ]
+    assert 0.2 < found[1].unoccluded_pixels / found[0].unoccluded_pixels < 0.8
+    assert [one.visible_fraction for one in found] == [1.0, 1.0]
+    assert found[1].range_m >= found[0].range_m

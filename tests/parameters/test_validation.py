@@ -23,6 +23,10 @@ def test_the_defaults_are_valid() -> None:
             ("world.free_threshold", "65", "world.occupied_threshold"),
         ),
         ({"world.occupied_threshold": 20}, ("25", "world.occupied_threshold, 20")),
+        (
+            {"occlusion.target": "mesh", "occlusion.shape": "box"},
+            ("occlusion.target", "occlusion.shape: mesh"),
+        ),
         ({"mixture.weights": [0.5, 0.5]}, ("'mixture.weights' and 'mixture.rates'", "2", "5")),
         ({"mixture.weights": [], "mixture.rates": []}, ("mixture.weights", "at least one")),
         (

@@ -140,6 +140,10 @@ def _enter(
 def measure_boxes(
     valid: npt.NDArray[np.uint8],
     boxes: Boxes,
+    tree: Tree,
+    axis: npt.NDArray[np.float32],
+    spread: np.float32,
+    by_mesh: bool,
     max_range_m: np.float32,
     count: int,
     tallies: Tallies,
@@ -147,7 +151,7 @@ def measure_boxes(
 ) -> int:
     """Fill Z_a of each candidate; drop those that no ray meets, and return how many are left.
 
-    Z_a is the first hit on the box per pixel, inf beyond the range.
+    Z_a is the first hit per pixel on the box, or `by_mesh` on the mesh in it; inf beyond the range.
     """
     rays_x, rays_y, rays_z = scratch.rays[0], scratch.rays[1], scratch.rays[2]
     kept = 0
@@ -165,10 +169,36 @@ def measure_boxes(
             hit = (near <= max_range_m) & (valid[pixel] != 0)
             depths[pixel] = near if hit else INFINITE
             met += np.int32(hit)
+        if by_mesh and met > 0 and boxes.meshes[box] >= 0:
+            met = _replace_by_mesh(boxes, tree, box, axis, spread, max_range_m, depths, scratch)
         tallies.unoccluded[box] += met
         scratch.candidates[kept] = box
         kept += met > 0
     return kept
+
+
+@compiled
+def _replace_by_mesh(
+    boxes: Boxes,
+    tree: Tree,
+    box: int,
+    axis: npt.NDArray[np.float32],
+    spread: np.float32,
+    max_range_m: np.float32,
+    depths: npt.NDArray[np.float32],
+    scratch: Scratch,
+) -> np.int32:
+    """Put the hits on a mesh in place of those on its box; return their number."""
+    front, met = scratch.front_m, np.int32(0)
+    for pixel in range(PIXELS):
+        front[pixel] = max_range_m if depths[pixel] < INFINITE else -INFINITE
+    _lower_to_mesh(boxes, tree, box, axis, spread, scratch)
+    for pixel in range(PIXELS):
+        hit = (front[pixel] < max_range_m) & (front[pixel] >= _ZERO)
+        depths[pixel] = front[pixel] if hit else INFINITE
+        met += np.int32(hit)
+    found: np.int32 = met
+    return found
 
 
 @compiled
@@ -180,11 +210,11 @@ def hide_behind_others(
     count: int,
     scratch: Scratch,
 ) -> None:
-    """Set Z_a to inf where another artefact's shape is in front of a's box.
+    """Set Z_a to inf where another artefact's shape is in front of a.
 
-    Since a shape lies inside its box, no box is hidden by its own shape, and one shared nearest
-    surface (the front) serves all boxes. A shape is skipped if its box is behind the front, or if
-    no other box is behind it.
+    Since a shape lies inside its box, or is Z_a itself, none is hidden by its own shape, and one
+    shared nearest surface (the front) serves all. A shape is skipped if Z_a is behind the front, or
+    if no other Z_a is behind it.
     """
     depths, front, last = scratch.depths, scratch.front_m, scratch.last_m
     nearest, order = scratch.nearest_m, scratch.order
@@ -265,6 +295,7 @@ def render(
     voxels: Voxels,
     tree: Tree,
     mutual: bool,
+    by_mesh: bool,
     max_range_m: np.float32,
     tallies: Tallies,
     scratch: Scratch,
@@ -281,7 +312,19 @@ def render(
             a, b, c = map_from_camera[row, 0], map_from_camera[row, 1], map_from_camera[row, 2]
             for pixel in range(PIXELS):
                 out[pixel] = a * x[pixel] + b * y[pixel] + c * z[pixel]
-        count = measure_boxes(tiles.valid[tile], boxes, max_range_m, count, tallies, scratch)
+        spread = tiles.spreads[tile]
+        count = measure_boxes(
+            tiles.valid[tile],
+            boxes,
+            tree,
+            axis,
+            spread,
+            by_mesh,
+            max_range_m,
+            count,
+            tallies,
+            scratch,
+        )
         if count > 1 and mutual:
             hide_behind_others(boxes, tree, axis, tiles.spreads[tile], count, scratch)
         if count > 0:

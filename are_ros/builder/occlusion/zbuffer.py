@@ -56,12 +56,15 @@ class ZBuffer:
         environment: VoxelField,
         shapes: MeshSelection | None = None,
         mutual: bool = True,
+        *,
+        by_mesh: bool = False,
     ) -> Visibility:
         """Return what the camera sees of the artefacts with these boxes in the map frame.
 
         `map_from_camera` is the pose of the optical frame. `shapes` are the artefacts as occluders
         of each other, in the order of the boxes (None: the boxes themselves); `mutual` False lets
-        artefacts hide nothing from each other.
+        artefacts hide nothing from each other. `by_mesh` lets Z_a be the hit on the artefact's
+        shape, not on its box.
         """
         selection = MeshSelection.boxes_only(len(boxes)) if shapes is None else shapes
         count = len(boxes)
@@ -73,6 +76,7 @@ class ZBuffer:
             _voxels(map_from_camera.translation_m, environment),
             selection.pool.tree,
             mutual,
+            by_mesh,
             self._max_range_m,
             tallies,
             _scratch(count),

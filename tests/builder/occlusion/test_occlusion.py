@@ -103,6 +103,7 @@ def _twin(
     meshes: list[Mesh] | None,
     mutual: bool,
     max_range: float,
+    by_mesh: bool = False,
 ) -> npt.NDArray[np.bool_]:
     """Return for each artefact and pixel whether it is seen, and whether it is met: (2, N, P)."""
     origin, rays = map_from_camera.translation_m, _map_rays(view, map_from_camera)
@@ -114,8 +115,9 @@ def _twin(
         start = _in_box_frame((origin - boxes.centres_m[i])[np.newaxis], yaw)[0]
         turned = _in_box_frame(rays, yaw)
         depth = _slab(start, turned, -half, half)
-        depths.append(np.where(has_ray & (depth <= max_range), depth, np.inf))
         shapes.append(depth if meshes is None else _triangle_depth(start, turned, meshes[i]))
+        target = shapes[-1] if by_mesh else depth
+        depths.append(np.where(has_ray & (target <= max_range), target, np.inf))
     seen = []
     for i, depth in enumerate(depths):
         others = [shape for j, shape in enumerate(shapes) if j != i and mutual]
@@ -166,15 +168,17 @@ def _selection(meshes: list[Mesh] | None) -> MeshSelection | None:
 
 
 @pytest.mark.parametrize("name", list(VIEWS))
-@pytest.mark.parametrize("mode", ["box", "mesh", "alone"])
+@pytest.mark.parametrize("mode", ["box", "mesh", "alone", "by mesh"])
 @pytest.mark.parametrize("seed", range(5))
 def test_random_scenes_agree_with_the_slow_twin(name: str, mode: str, seed: int) -> None:
     """Counts differ by at most one pixel per artefact, for every view and kind of occluder."""
     view, (camera, boxes, voxels, meshes) = VIEWS[name], _random_scene(seed)
-    used = meshes if mode == "mesh" else None
-    seen, met = _twin(view, camera, boxes, voxels, used, mode != "alone", 6.0)
-    field = VoxelField.of(voxels)
-    result = ZBuffer(view, 6.0).visibility(camera, boxes, field, _selection(used), mode != "alone")
+    used, by_mesh = meshes if "mesh" in mode else None, mode == "by mesh"
+    seen, met = _twin(view, camera, boxes, voxels, used, mode != "alone", 6.0, by_mesh)
+    field, shapes = VoxelField.of(voxels), _selection(used)
+    result = ZBuffer(view, 6.0).visibility(
+        camera, boxes, field, shapes, mode != "alone", by_mesh=by_mesh
+    )
     assert np.abs(result.visible_pixels - seen.sum(axis=1)).max() <= 1
     assert np.abs(result.unoccluded_pixels - met.sum(axis=1)).max() <= 1
 

@@ -1,0 +1,120 @@
+"""Which share of painted persons a people detector finds that nobody here trained.
+
+    python scripts/judge_people.py paint RECORDING FOLDER      # with are_ros
+    python scripts/judge_people.py detect FOLDER               # with OpenCV before 5
+
+`paint` takes images of a recording (any camera without persons before it), supposes that the camera
+stands level, 1.2 m high, and paints one person into each of 100 (the same ones
+again, if they are fewer), 3 to 8 m away, facing anywhere. `detect`
+runs OpenCV's HOG people detector (Dalal and Triggs, trained on INRIA's photographs) on the empty
+and the painted images, enlarged twice. A person is found where a detection overlaps its box by
+half (intersection over union 0.4, HOG's windows are wide). Nothing is a gate: it prints shares.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+IMAGES = 100
+FOUND = 0.4
+LEAST_SCORE = 0.3
+
+
+def paint(recording: Path, folder: Path) -> None:
+    """Write empty and painted images, and where the persons are."""
+    from are_ros.bag.reader import BagReader
+    from are_ros.builder.assembly import catalogue_of
+    from are_ros.builder.rendering.painter import Lighting, PaintedBody, Painter
+    from are_ros.builder.rendering.surface import SurfaceBank
+    from are_ros.messages.images.colour import read_colour
+    from are_ros.parameters.model import Parameters
+    from are_ros.world.cameras import FORWARD_FROM_OPTICAL, PinholeView
+    from are_ros.world.rigid_transform import RigidTransform
+
+    folder.mkdir(parents=True, exist_ok=True)
+    random, bank, truth = np.random.default_rng(4), SurfaceBank(), []
+    rows = [r for r in catalogue_of(Parameters()).rows if r.class_name == "person"]
+    adults = [row for row in rows if row.size_m[2] > 1.5]
+    camera = RigidTransform.from_xyz_ypr(0.0, 0.0, 1.2, 0.0, 0.0, 0.0) @ FORWARD_FROM_OPTICAL
+    with BagReader([recording]) as reader:
+        kinds = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+        topics = [topic.name for topic in reader.topics if topic.type_name in kinds][:1]
+        messages = list(reader.messages(topics=topics))
+        for number in range(IMAGES):
+            message = messages[number * len(messages) // IMAGES]
+            empty = read_colour(reader.deserialize(message)).pixels.rgb()
+            height, width = empty.shape[:2]
+            focal = 0.8 * width
+            view = PinholeView(width, height, focal, focal, 0.5 * width, 0.5 * height)
+            distance = float(random.uniform(3.0, 8.0))
+            aside = float(random.uniform(-0.35, 0.35)) * distance
+            row = adults[number % len(adults)]
+            half = 0.5 * np.array(row.size_m)
+            pose = RigidTransform.planar(
+                distance, aside, float(random.uniform(-3.14, 3.14)), float(half[2])
+            )
+            body = PaintedBody(bank.of(row), pose, half, 0.0)
+            nothing = np.full((height, width), np.inf, dtype=np.float32)
+            done = Painter(view).paint(empty, camera, [body], nothing, Lighting(), random)
+            if done.pixels is None:
+                continue
+            ys, xs = np.nonzero(done.mask == 0)
+            box = [int(v) for v in (xs.min(), ys.min(), xs.max() + 1, ys.max() + 1)]
+            truth.append({"number": number, "box": box, "distance_m": distance, "kind": row.label})
+            for name, pixels in (("empty", empty), ("painted", done.pixels)):
+                path = folder / f"{name}_{number:04d}.png"
+                cv2.imwrite(str(path), np.ascontiguousarray(pixels[:, :, ::-1]))
+    (folder / "truth.json").write_text(json.dumps(truth))
+    print(f"{len(truth)} images")
+
+
+def detect(folder: Path) -> None:
+    """Print which share of the persons is found, and what is found in the empty images."""
+    hog = cv2.HOGDescriptor()
+    hog.setSVMDetector(cv2.HOGDescriptor.getDefaultPeopleDetector())
+    truth = json.loads((folder / "truth.json").read_text())
+    found, by_distance, false = 0, {3: [0, 0], 5: [0, 0]}, 0
+    for one in truth:
+        hits = {}
+        for name in ("empty", "painted"):
+            image = cv2.imread(str(folder / f"{name}_{one['number']:04d}.png"))
+            image = cv2.resize(image, None, fx=2.0, fy=2.0)
+            boxes, scores = hog.detectMultiScale(
+                image, winStride=(8, 8), padding=(16, 16), scale=1.05
+            )
+            kept = [
+                b / 2.0
+                for b, s in zip(np.asarray(boxes, float), np.ravel(scores), strict=True)
+                if s > LEAST_SCORE
+            ]
+            hits[name] = sum(overlap(b, one["box"]) >= FOUND for b in kept) > 0
+            false += name == "empty" and len(kept) > 0
+        found += hits["painted"]
+        group = by_distance[3 if one["distance_m"] < 5.0 else 5]
+        group[0] += hits["painted"]
+        group[1] += 1
+    count = len(truth)
+    print(f"{found} of {count} painted persons found ({found / count:.0%})")
+    for start, (hit, all_) in by_distance.items():
+        print(f"  from {start} m on: {hit} of {all_}")
+    print(f"detections in {false} of {count} empty images ({false / count:.0%})")
+
+
+def overlap(window: np.ndarray, box: list[int]) -> float:
+    """Return intersection over union of x, y, width, height and left, top, right, bottom."""
+    x, y, w, h = window
+    across = min(x + w, box[2]) - max(x, box[0])
+    down = min(y + h, box[3]) - max(y, box[1])
+    shared = max(across, 0.0) * max(down, 0.0)
+    union = w * h + (box[2] - box[0]) * (box[3] - box[1]) - shared
+    return float(shared / union)
+
+
+if __name__ == "__main__":
+    if sys.argv[1] == "paint":
+        paint(Path(sys.argv[2]), Path(sys.argv[3]))
+    else:
+        detect(Path(sys.argv[2]))
