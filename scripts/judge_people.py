@@ -18,7 +18,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-IMAGES = 100
+IMAGES = 40
 FOUND = 0.4
 LEAST_SCORE = 0.3
 
@@ -41,7 +41,8 @@ def paint(recording: Path, folder: Path) -> None:
     camera = RigidTransform.from_xyz_ypr(0.0, 0.0, 1.2, 0.0, 0.0, 0.0) @ FORWARD_FROM_OPTICAL
     with BagReader([recording]) as reader:
         kinds = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
-        topics = [topic.name for topic in reader.topics if topic.type_name in kinds][:1]
+        found = [topic.name for topic in reader.topics if topic.type_name in kinds]
+        topics = [name for name in found if "depth" not in name][:1]
         messages = list(reader.messages(topics=topics))
         for number in range(IMAGES):
             message = messages[number * len(messages) // IMAGES]
