@@ -41,11 +41,11 @@ def bodies(turn: float) -> list[PaintedBody]:
         half = 0.5 * np.array(row.size_m)
         x, y = 3.0 + 0.6 * (number % 4), -2.0 + 0.45 * number
         pose = RigidTransform.planar(x, y, 2.5 + 0.4 * number + turn, float(half[2]))
-        found.append(PaintedBody(BANK.of(row), pose, half, 0.0))
+        found.append(PaintedBody(BANK.of(row, number), pose, half, 0.0))
     return found
 
 
-BANK = SurfaceBank()
+BANK = SurfaceBank(1)
 
 
 def by_are() -> Callable[[int], None]:
