@@ -33,11 +33,8 @@ CAMERA = RigidTransform.from_xyz_ypr(0.0, 0.0, 1.2, 0.0, 0.1, 0.0) @ FORWARD_FRO
 
 def bodies(turn: float) -> list[PaintedBody]:
     """Return seven persons and three things, 3 to 5 m ahead, turned by an angle."""
-    rows = catalogue_of(Parameters()).rows
-    persons = [row for row in rows if row.class_name == "person"][:7]
-    chosen = persons + [row for row in rows if row.class_name != "person"][:3]
     found = []
-    for number, row in enumerate(chosen):
+    for number, row in enumerate(CHOSEN):
         half = 0.5 * np.array(row.size_m)
         x, y = 3.0 + 0.6 * (number % 4), -2.0 + 0.45 * number
         pose = RigidTransform.planar(x, y, 2.5 + 0.4 * number + turn, float(half[2]))
@@ -46,6 +43,11 @@ def bodies(turn: float) -> list[PaintedBody]:
 
 
 BANK = SurfaceBank(1)
+ROWS = catalogue_of(Parameters()).rows
+CHOSEN = [
+    *[row for row in ROWS if row.class_name == "person"][:7],
+    *[row for row in ROWS if row.class_name != "person"][:3],
+]
 
 
 def by_are() -> Callable[[int], None]:
