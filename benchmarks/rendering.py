@@ -14,6 +14,8 @@ import os
 import sys
 import time
 from collections.abc import Callable
+from importlib import import_module
+from typing import Any
 
 os.environ.setdefault("LP_NUM_THREADS", "0")
 
@@ -65,9 +67,8 @@ def by_are() -> Callable[[int], None]:
 
 def by_vtk() -> Callable[[int], None]:
     """Return what draws image k; ImportError without VTK."""
-    import vtk
-    from vtk.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray, vtk_to_numpy
-
+    vtk: Any = import_module("vtk")
+    support: Any = import_module("vtk.util.numpy_support")
     renderer, window = vtk.vtkRenderer(), vtk.vtkRenderWindow()
     window.SetOffScreenRendering(1)
     window.SetSize(VIEW.width, VIEW.height)
@@ -85,15 +86,19 @@ def by_vtk() -> Callable[[int], None]:
     for body in bodies(0.0):
         corners = body.surface.corners_m.reshape(-1, 3)
         points, cells, data = vtk.vtkPoints(), vtk.vtkCellArray(), vtk.vtkPolyData()
-        points.SetData(numpy_to_vtk(corners, deep=1))
+        points.SetData(support.numpy_to_vtk(corners, deep=1))
         count = len(corners) // 3
         faces = np.column_stack((np.full(count, 3), np.arange(3 * count).reshape(-1, 3)))
-        cells.SetCells(count, numpy_to_vtkIdTypeArray(faces.ravel().astype(np.int64), deep=1))
+        cells.SetCells(
+            count, support.numpy_to_vtkIdTypeArray(faces.ravel().astype(np.int64), deep=1)
+        )
         data.SetPoints(points)
         data.SetPolys(cells)
         colours = (255.0 * np.sqrt(body.surface.colours.reshape(-1, 3))).astype(np.uint8)
-        data.GetPointData().SetScalars(numpy_to_vtk(colours, deep=1))
-        data.GetPointData().SetNormals(numpy_to_vtk(body.surface.normals.reshape(-1, 3), deep=1))
+        data.GetPointData().SetScalars(support.numpy_to_vtk(colours, deep=1))
+        data.GetPointData().SetNormals(
+            support.numpy_to_vtk(body.surface.normals.reshape(-1, 3), deep=1)
+        )
         mapper, actor = vtk.vtkPolyDataMapper(), vtk.vtkActor()
         mapper.SetInputData(data)
         actor.SetMapper(mapper)
@@ -108,7 +113,9 @@ def by_vtk() -> Callable[[int], None]:
         if kind == "depth":
             found.SetInputBufferTypeToZBuffer()
         found.Update()
-        return vtk_to_numpy(found.GetOutput().GetPointData().GetScalars())
+        scalars = found.GetOutput().GetPointData().GetScalars()
+        numbers: npt.NDArray[np.float64] = support.vtk_to_numpy(scalars)
+        return numbers
 
     def draw(k: int) -> None:
         for actor, body in zip(actors, bodies(0.01 * k), strict=True):

