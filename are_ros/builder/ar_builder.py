@@ -1,5 +1,6 @@
 """The AR-builder (section 3.3): composes world, artefacts and augmentation into ticks."""
 
+from collections.abc import Collection
 from functools import partial
 
 from are_ros.agents.events import ArtefactEvent, SceneMetrics
@@ -7,6 +8,7 @@ from are_ros.builder import assembly
 from are_ros.builder.certainty.perception import Perception
 from are_ros.builder.certainty.view import View
 from are_ros.builder.costmap.augmented_map import Grids
+from are_ros.builder.costmap.augmented_octomap import Solid
 from are_ros.builder.costmap.registration import (
     CellPatch,
     CoveredCells,
@@ -15,13 +17,17 @@ from are_ros.builder.costmap.registration import (
 )
 from are_ros.builder.markers import NO_MARKERS, MarkerBatch
 from are_ros.builder.observation import Observation, perceived_artefacts, sight_events
+from are_ros.builder.occlusion.meshes import MeshPool
 from are_ros.builder.scene import Scene
+from are_ros.builder.sensors.point_cloud import PointCloud
 from are_ros.builder.simulation import Simulation
-from are_ros.builder.tick import EVERYTHING, Demand, Tick
+from are_ros.builder.tick import USUAL, Demand, Tick
 from are_ros.parameters.choices import CostmapGate
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue
 from are_ros.population.departures import Cause
+from are_ros.world.environment import Environment
+from are_ros.world.voxel_map import VoxelMap
 
 _NAN = float("nan")
 
@@ -34,7 +40,7 @@ class ArBuilder(Simulation):
     """
 
     def __init__(
-        self, parameters: Parameters, catalogue: Catalogue, demand: Demand = EVERYTHING
+        self, parameters: Parameters, catalogue: Catalogue, demand: Demand = USUAL
     ) -> None:
         super().__init__(parameters, catalogue)
         self.demand = demand
@@ -42,6 +48,7 @@ class ArBuilder(Simulation):
         self._detector = assembly.detector(parameters, catalogue)
         self._gate = assembly.gate(parameters)
         self._grids = assembly.grid_augmentation(parameters)
+        self._octomap = assembly.augmented_octomap(parameters)
         self._display = assembly.display(parameters, self._meshes)
         self._surroundings = assembly.environment_display(parameters)
         self._is_redraw_due = False
@@ -64,6 +71,9 @@ class ArBuilder(Simulation):
         self._sensors.prepare(environment)
         if self.demand.grids:
             self._grids.prepare(environment)
+        voxels = self._real_voxels()
+        if self.demand.octomap and voxels is not None:
+            self._octomap.prepare(voxels)
         if self.demand.markers and self._surroundings is not None:
             self._surroundings.prepare(environment.voxels)
 
@@ -86,20 +96,22 @@ class ArBuilder(Simulation):
 
         The artefacts live on; the next tick gives everything again.
         """
-        environment = self.world.environment
+        environment, nobody = self.world.environment, Scene.of((), now_ns)
+        perception = Perception(now_ns, paths=() if self._predicts else None)
         self.show_everything()
         self._forget()
         self._seen = {}
         return Tick(
             stamp_ns=now_ns,
             frame_id=self.parameters.frames.map,
-            scene=Scene.of((), now_ns),
+            scene=nobody,
             observer=self.robots.observer.name,
-            perception=Perception(now_ns, paths=() if self._predicts else None),
+            perception=perception,
             events=tuple(self.lives.take_events()),
             metrics=self._metrics(0, 0),
             markers=self._display.delete_all(),
             grids=self._grids.bare(now_ns, environment) if environment else Grids(),
+            octomap=self._bare_octomap(now_ns),
             map_from_base=None,
             map_from_camera=None,
         )
@@ -133,6 +145,7 @@ class ArBuilder(Simulation):
             self._detector.parameters = parameters
         self._sensors.reconfigure(parameters)
         self._grids.limit_rate(parameters.augmented_map.max_rate)
+        self._octomap.limit_rate(parameters.augmented_map.max_rate)
         if parameters.costmap != before.costmap:
             self._gate = assembly.gate(parameters)
         if parameters.markers != before.markers:
@@ -146,7 +159,7 @@ class ArBuilder(Simulation):
         observation = self._observe(now_ns, scene)
         perception = self._perceive(now_ns, scene, observation)
         cells = self._register(scene)
-        grids = self._augment(now_ns, perception, scene, cells)
+        admitted = self._admit(now_ns, perception, scene)
         return Tick(
             stamp_ns=now_ns,
             frame_id=self.parameters.frames.map,
@@ -156,7 +169,8 @@ class ArBuilder(Simulation):
             events=self._events(now_ns, perception, scene),
             metrics=self._metrics(len(scene), len(perception.artefacts)),
             markers=self._draw(now_ns, scene, perception),
-            grids=grids,
+            grids=self._augment(now_ns, perception, scene, cells, admitted),
+            octomap=self._augment_octomap(now_ns, perception, scene, admitted),
             map_from_base=observation.map_from_base,
             map_from_camera=observation.map_from_camera,
         )
@@ -218,31 +232,79 @@ class ArBuilder(Simulation):
         self._clutter_ratio = clutter_ratio(cells, environment.classes)
         return cells
 
+    def _admit(self, now_ns: int, perception: Perception, scene: Scene) -> Collection[int]:
+        """Gate: the ids of the artefacts that the maps show."""
+        candidates = {*scene.ids.tolist(), *self._perceived_elsewhere(perception)}
+        return self._gate.admitted(now_ns, perception.seen_ns, candidates)
+
     def _augment(
-        self, now_ns: int, perception: Perception, scene: Scene, cells: CoveredCells | None
+        self,
+        now_ns: int,
+        perception: Perception,
+        scene: Scene,
+        cells: CoveredCells | None,
+        admitted: Collection[int],
     ) -> Grids:
         """Augmentation of the grids with the artefacts that the gate admits."""
-        environment, ids = self.lives.environment, scene.ids.tolist()
-        perceived = self._perceived_cells(perception)
-        candidates = {*ids, *perceived}
-        admitted = self._gate.admitted(now_ns, perception.seen_ns, candidates)
+        environment = self.lives.environment
         if environment is None or cells is None or not self.demand.grids:
             return Grids()
-        places = {number: k for k, number in enumerate(ids)}
+        perceived = self._perceived_cells(perception, environment)
+        places = {number: k for k, number in enumerate(scene.ids.tolist())}
         patches = {i: perceived.get(i) or cells.patch(places[i]) for i in admitted}
         return self._grids.update(now_ns, environment, patches)
 
-    def _perceived_cells(self, perception: Perception) -> dict[int, CellPatch]:
-        """Return the cells of what is perceived elsewhere than it is, by id.
+    def _augment_octomap(
+        self, now_ns: int, perception: Perception, scene: Scene, admitted: Collection[int]
+    ) -> PointCloud | None:
+        """Augmentation of M3D with the same artefacts, in the shape that sensors meet."""
+        voxels = self._real_voxels()
+        if not self.demand.octomap or voxels is None:
+            self._octomap.forget()
+            return None
+        places = self._perceived_elsewhere(perception)
+        there = scene.only(set(admitted).difference(places))
+        shapes = self._meshes.shapes(there.rows, self.parameters.sensors.shape)
+        columns = there.ids.tolist(), there.boxes.packed, shapes.indices.tolist()
+        solids = [*map(Solid, *columns)]
+        if places and perception.boxes is not None:
+            rows = zip(places, perception.boxes.packed, strict=True)
+            solids += [Solid(number, box, -1) for number, box in rows if number in admitted]
+        map_frame = self.parameters.frames.map
+        return self._octomap.update(now_ns, map_frame, voxels, solids, shapes.pool)
+
+    def _bare_octomap(self, now_ns: int) -> PointCloud | None:
+        """Return M3D without artefacts, if there are some in what went out last."""
+        voxels = self._real_voxels()
+        if voxels is None or not self._octomap.is_shown:
+            return None
+        self._octomap.forget()
+        map_frame = self.parameters.frames.map
+        return self._octomap.update(now_ns, map_frame, voxels, (), MeshPool.of([]))
+
+    def _real_voxels(self) -> VoxelMap | None:
+        """Return M3D as it was received, None where there is only the map."""
+        voxels = self.lives.environment.voxels if self.lives.environment else None
+        return None if voxels is None or voxels.is_extruded else voxels
+
+    def _perceived_elsewhere(self, perception: Perception) -> tuple[int, ...]:
+        """Return the ids of `perception.boxes`, which are perceived elsewhere than they are.
 
         None where the gate does not ask for what is perceived.
         """
-        environment, boxes = self.lives.environment, perception.boxes
         is_gated = self.parameters.costmap.gate is CostmapGate.PERCEIVED
-        if boxes is None or environment is None or not is_gated:
+        if perception.boxes is None or not is_gated:
+            return ()
+        return tuple(one.artefact_id for one in perception.artefacts)
+
+    def _perceived_cells(
+        self, perception: Perception, environment: Environment
+    ) -> dict[int, CellPatch]:
+        """Return the cells of what is perceived elsewhere than it is, by id."""
+        ids = self._perceived_elsewhere(perception)
+        if perception.boxes is None or not ids:
             return {}
-        cells = covered_cells(boxes, environment.grid)
-        ids = [one.artefact_id for one in perception.artefacts]
+        cells = covered_cells(perception.boxes, environment.grid)
         return {number: cells.patch(k) for k, number in enumerate(ids)}
 
     def _events(

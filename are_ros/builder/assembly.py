@@ -8,6 +8,7 @@ from are_ros.agents.collisions import CollisionResolver, ContactPolicy, Displace
 from are_ros.agents.robots import RobotTracker
 from are_ros.builder.certainty.detector import Detector
 from are_ros.builder.costmap.augmented_map import GridAugmentation
+from are_ros.builder.costmap.augmented_octomap import AugmentedOctomap
 from are_ros.builder.costmap.inflation import InflatedCostmap
 from are_ros.builder.environment_marker import EnvironmentDisplay
 from are_ros.builder.files.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
@@ -116,6 +117,11 @@ def grid_augmentation(parameters: Parameters) -> GridAugmentation:
         robot_footprint(parameters.robot).inscribed_radius_m,
     )
     return GridAugmentation(costmap, parameters.augmented_map.max_rate)
+
+
+def augmented_octomap(parameters: Parameters) -> AugmentedOctomap:
+    """Return what keeps the octomap."""
+    return AugmentedOctomap(parameters.augmented_map.max_rate)
 
 
 def display(parameters: Parameters, meshes: MeshBank) -> MarkerDisplay:

@@ -8,6 +8,7 @@ from are_ros.builder.certainty.perception import Perception
 from are_ros.builder.costmap.augmented_map import Grids
 from are_ros.builder.markers import MarkerBatch
 from are_ros.builder.scene import Scene
+from are_ros.builder.sensors.point_cloud import PointCloud
 from are_ros.conventions import NS_PER_S
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -16,22 +17,25 @@ from are_ros.world.rigid_transform import RigidTransform
 class Demand:
     """Which parts of a tick are wanted; the others are not computed.
 
-    Without perception nothing counts as perceived, and there are no events of it.
+    Without perception nothing counts as perceived, and there are no events of it. The octomap is
+    large, so that it has to be asked for.
     """
 
     perception: bool = True
     grids: bool = True
     markers: bool = True
+    octomap: bool = False
 
 
-EVERYTHING: Final = Demand()
+USUAL: Final = Demand()
 
 
 @dataclass(frozen=True, eq=False)
 class Tick:
     """The outputs of one tick, in the map's frame; `events` are those since the last tick.
 
-    `scene` are the living artefacts as columns. `perception` is what the observer is told to
+    `scene` are the living artefacts as columns. `octomap` is M3D with their surfaces where it goes
+    out. `perception` is what the observer is told to
     perceive, as of a stamp of its own. `map_from_base` and `map_from_camera` are the poses that the
     tick used, None where it had none: then nothing is seen. Readings of sensors leave by a path of
     their own.
@@ -46,6 +50,7 @@ class Tick:
     metrics: SceneMetrics
     markers: MarkerBatch
     grids: Grids
+    octomap: PointCloud | None
     map_from_base: RigidTransform | None
     map_from_camera: RigidTransform | None
 

@@ -24,7 +24,7 @@ from are_ros.builder.sensors.image import Image
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.builder.sensors.lens import Lens
 from are_ros.builder.sensors.point_cloud import CloudField, PointCloud
-from are_ros.builder.tick import EVERYTHING, Demand
+from are_ros.builder.tick import USUAL, Demand
 from are_ros.conventions import FREE, NS_PER_S, OCCUPIED
 from are_ros.errors import PlacementError
 from are_ros.parameters.declaration import with_values
@@ -65,7 +65,7 @@ class WarmUpNeeds:
     Kernels of meshes are compiled if a row of the catalogue has one.
     """
 
-    demand: Demand = EVERYTHING
+    demand: Demand = USUAL
     has_scans: bool = True
     has_clouds: bool = True
     has_depths: bool = True
@@ -73,7 +73,7 @@ class WarmUpNeeds:
     has_voxels: bool = True
 
 
-ALL: Final = WarmUpNeeds()
+ALL: Final = WarmUpNeeds(Demand(octomap=True))
 
 Count = Callable[[int, int], None]
 """Takes how many kernels are compiled, and how many there are at most."""

@@ -15,7 +15,7 @@ from are_ros.bag.recording import PREFIX
 from are_ros.checks.result import CheckResult, Tally, at_s, merged, skipped
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.sensors import CAMERA_INFO_TYPE, SENSORS
-from are_ros.messages.tick_encoding import ALL_OUTPUTS, OUTPUTS
+from are_ros.messages.tick_encoding import ALL_OUTPUTS, OCTOMAP, OUTPUTS
 from are_ros.wording import counted
 
 _SENSOR_TYPES: Final = (
@@ -143,14 +143,15 @@ def _is_expected(topic: str, type_name: str, is_live: bool) -> bool:
 
 
 def _check_qos(channels: _Channels, *, is_live: bool) -> CheckResult:
-    """Whole grids are offered reliable, transient local, depth 1; the rest reliable, volatile."""
+    """Whole maps are offered reliable, transient local, depth 1; the rest is volatile."""
     tally = Tally(_NAMES[3], "topic")
     for channel, schema in channels.values():
         name = channel.topic.removeprefix(PREFIX)
         if name == channel.topic or (is_live and name not in ALL_OUTPUTS):
             continue
         tally.look()
-        is_map = schema is not None and schema.name == _LATCHED_TYPE
+        type_name = "" if schema is None else schema.name
+        is_map = type_name == _LATCHED_TYPE or name == OCTOMAP
         wanted = ("reliable", "transient_local" if is_map else "volatile")
         profiles = _offered(channel.metadata)
         if not is_live and len(profiles) != 1:

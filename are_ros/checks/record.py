@@ -40,16 +40,17 @@ from are_ros.bag.recording import (
     runs_of,
     walls_of,
 )
-from are_ros.checks.cloud_pairs import SensorCloud
 from are_ros.checks.images.depths import DepthFrame
 from are_ros.checks.images.lens import info_topic
 from are_ros.checks.marker_rules import MarkerChange, change_of
 from are_ros.checks.oracle.frames import ODOMETRY, PARAMETER, TF, Frames
 from are_ros.checks.oracle.solids import Cloud, RealMap
 from are_ros.checks.result import Tally, at_s
-from are_ros.checks.scan_pairs import ScanPairs
+from are_ros.checks.sensors.cloud_pairs import SensorCloud
+from are_ros.checks.sensors.scan_pairs import Kept, ScanPairs
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import AreError, InputError
+from are_ros.messages.tick_encoding import OCTOMAP as AUGMENTED_OCTOMAP
 from are_ros.parameters.choices import OdometryUse
 from are_ros.parameters.model import Parameters
 
@@ -59,6 +60,7 @@ _CLOUD: Final = "sensor_msgs/msg/PointCloud2"
 _IMAGES: Final = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 _INFO: Final = "sensor_msgs/msg/CameraInfo"
 _BODY: Final = "body"
+_MOST_OCTOMAPS: Final = 12
 _OCTOMAP: Final = "/octomap_point_cloud_centers"
 _MAP_SLACK_NS: Final = NS_PER_S
 """Live: so near to the arrival of a new map it is unknown which map a tick used."""
@@ -86,10 +88,11 @@ class Record:
     stamp of the last tick before it. `farewells_ns` are the times at which a node removed all
     artefacts, as it was paused or shut down; `farewell_messages` are the lists of the perceived
     and the metrics that it published then. `walls` is "map" or "octomap", or empty if unknown.
-    `clouds` are the octomaps of the input; `has_clouds` tells that clouds of sensors went out, and
-    `has_depths` that images of depths did. `infos_of_depths` are topics whose CameraInfo is that of
-    such images only, and not the robot's camera. `meshes` are the triangles (F, 3, 3) in F_A that
-    markers show, by the artefact's id, where there are images of depths.
+    `clouds` are the octomaps of the input, and `octomaps` some of the augmented ones; `has_clouds`
+    tells that clouds of sensors went out, and `has_depths` that images of depths did.
+    `infos_of_depths` are topics whose CameraInfo is that of such images only, and not the robot's
+    camera. `meshes` are the triangles (F, 3, 3) in F_A that markers show, by the artefact's id,
+    where there are images of depths or augmented octomaps.
     `lags_ns` is how late a live recorder logged each tick.
     """
 
@@ -110,6 +113,7 @@ class Record:
     maps: list[RealMap] = field(default_factory=list)
     clouds: list[Cloud] = field(default_factory=list)
     images: list[ImageFormat] = field(default_factory=list)
+    octomaps: Kept[Cloud] = field(default_factory=lambda: Kept[Cloud](_MOST_OCTOMAPS))
     meshes: dict[int, NDArray[np.float64]] = field(default_factory=dict)
     frames: Frames = field(default_factory=Frames)
     scans: ScanPairs = field(default_factory=ScanPairs)
@@ -270,6 +274,9 @@ class Record:
 
         As for the roles of a replay, an octomap's topic is known by its name then.
         """
+        if topic == PREFIX + AUGMENTED_OCTOMAP:
+            self.octomaps.add(Cloud.of_message(message, at_ns))
+            return
         is_octomap = not self.has_clouds or topic == _OCTOMAP or "octomap" in topic.lower()
         if not is_octomap:
             self.scans.add(topic, SensorCloud.of_message(message, at_ns))
@@ -343,7 +350,7 @@ class Reading:
         self.tally = Tally("rosbags reader", "message")
         self.records: list[Record] = []
         self.topics: frozenset[str] = frozenset()
-        self.is_open = False
+        self.is_open = self._has_meshes = False
         self._files = files
         self._parameters = parameters
         self._recording = Recording(files)
@@ -360,8 +367,11 @@ class Reading:
         walls, is_live = walls_of(self._files.path), not self._files.is_replay
         types = self._recording.types if self.is_open else {}
         clouds = [topic for topic, type_name in types.items() if type_name == _CLOUD]
-        has_clouds = any(topic.startswith(PREFIX) for topic in clouds)
+        has_clouds = any(
+            topic.startswith(PREFIX) and topic != PREFIX + AUGMENTED_OCTOMAP for topic in clouds
+        )
         has_depths = any(_is_depth(topic, types) for topic in types if topic.startswith(PREFIX))
+        self._has_meshes = has_depths or PREFIX + AUGMENTED_OCTOMAP in types
         infos = {topic for topic, type_name in types.items() if type_name == _INFO}
         inputs = {topic for topic in infos if not topic.startswith(PREFIX)}
         of_depths = {info_topic(topic) for topic in types if _is_depth(topic, types)}
@@ -421,7 +431,7 @@ class Reading:
     def _take_markers(self, message: RecordedMessage) -> None:
         """Keep what markers do; rosbags has to read them, too."""
         markers = self._recording.decode(message)
-        if self.records[message.loop].has_depths:
+        if self._has_meshes:
             self.records[message.loop].take_meshes(markers)
         changes = tuple(change_of(marker) for marker in markers)
         self.records[message.loop].shows.append(MarkerShow(message.at_ns, changes))

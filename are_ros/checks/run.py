@@ -20,7 +20,8 @@ from are_ros.checks.perception.certainty import check_certainty, check_predicted
 from are_ros.checks.perception.sightings import check_perceived, check_sight_events
 from are_ros.checks.record import Reading
 from are_ros.checks.result import CheckResult, Outcome, merged
-from are_ros.checks.scans import check_depths, check_scans
+from are_ros.checks.sensors.octomap import check_octomap
+from are_ros.checks.sensors.scans import check_depths, check_scans
 from are_ros.checks.ticks import (
     check_farewells,
     check_lives,
@@ -83,6 +84,8 @@ def check_recording(
     results += [merged(parts) for parts in zip(*map(check_scans, records), strict=True)]
     if any(record.scans.depths for record in records):
         results.append(merged([check_depths(record) for record in records]))
+    if any(record.octomaps.kept for record in records):
+        results.append(merged([check_octomap(record) for record in records]))
     return (results[0], reading.tally.result(), *results[1:])
 
 

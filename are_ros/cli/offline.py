@@ -19,6 +19,7 @@ from are_ros.cli.options import (
 )
 
 _SKIPPABLE = ("perception", "grids", "markers")
+_OPTIONAL = ("octomap",)
 
 
 @click.command(short_help="Replay a recording with artefacts in it.")
@@ -46,6 +47,12 @@ _SKIPPABLE = ("perception", "grids", "markers")
     type=click.Choice(_SKIPPABLE),
     multiple=True,
     help="Leave out a part that nobody needs. Repeatable.",
+)
+@click.option(
+    "--also",
+    type=click.Choice(_OPTIONAL),
+    multiple=True,
+    help="Write a large part, too: the octomap with the artefacts' voxels. Repeatable.",
 )
 @animate_option
 @parameter_options
@@ -101,7 +108,7 @@ def align(**options: Any) -> None:
     from are_ros.replay.survey.align import align_command
 
     unused = {"octomap_file": None, "scenario_file": None, "save_scenario": None}
-    wanted = options_of(skip=(), with_inputs=False, **unused, **options)
+    wanted = options_of(skip=(), also=(), with_inputs=False, **unused, **options)
     if not align_command(click.echo, say, wanted):
         sys.exit(IMPERFECT)
 

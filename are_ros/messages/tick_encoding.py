@@ -5,7 +5,7 @@ from functools import partial
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
-from are_ros.builder.tick import EVERYTHING, Demand, Tick
+from are_ros.builder.tick import USUAL, Demand, Tick
 from are_ros.messages.artefacts import (
     ArtefactEncoder,
     encode_event,
@@ -15,6 +15,7 @@ from are_ros.messages.artefacts import (
 )
 from are_ros.messages.maps import encode_grid, encode_grid_update
 from are_ros.messages.markers import MarkerEncoder
+from are_ros.messages.sensors import encode_cloud
 from are_ros.parameters.model import CertaintyParameters
 
 
@@ -42,18 +43,29 @@ OUTPUTS: Final[Mapping[str, OutputTopic]] = MappingProxyType(
 )
 """The outputs of ticks by name, the last part of their topics."""
 
+PREDICTED: Final = "predicted"
+OCTOMAP: Final = "augmented_octomap"
 OPTIONAL_OUTPUTS: Final[Mapping[str, OutputTopic]] = MappingProxyType(
-    {"predicted": OutputTopic("are_msgs/msg/PredictedPathArray")}
+    {
+        PREDICTED: OutputTopic("are_msgs/msg/PredictedPathArray"),
+        OCTOMAP: OutputTopic("sensor_msgs/msg/PointCloud2", is_latched=True, depth=1),
+    }
 )
-"""Those that only some parameters bring."""
+"""Those that only some parameters bring, or that have to be asked for."""
 
 ALL_OUTPUTS: Final[Mapping[str, OutputTopic]] = MappingProxyType({**OUTPUTS, **OPTIONAL_OUTPUTS})
 
 
-def offered_outputs(certainty: CertaintyParameters) -> Mapping[str, OutputTopic]:
+def offered_outputs(
+    certainty: CertaintyParameters, *, with_octomap: bool = False
+) -> Mapping[str, OutputTopic]:
     """Return the outputs that there are with these parameters."""
-    predicts = certainty.enabled and certainty.prediction_horizon > 0.0
-    return ALL_OUTPUTS if predicts else OUTPUTS
+    offered = dict(ALL_OUTPUTS)
+    if not (certainty.enabled and certainty.prediction_horizon > 0.0):
+        del offered[PREDICTED]
+    if not with_octomap:
+        del offered[OCTOMAP]
+    return offered
 
 
 class EncodedMessage(NamedTuple):
@@ -71,7 +83,7 @@ class TickEncoder:
     change, there is no list of the perceived: an empty one would say that the camera saw nothing.
     """
 
-    def __init__(self, demand: Demand = EVERYTHING) -> None:
+    def __init__(self, demand: Demand = USUAL) -> None:
         self.demand = demand
         self._artefacts = ArtefactEncoder()
         self._markers = MarkerEncoder()
@@ -94,10 +106,11 @@ class TickEncoder:
             ("artefact_map", grids.artefact_map, encode_grid),
             ("artefact_map_updates", grids.artefact_update, encode_grid_update),
             ("augmented_costmap", grids.costmap, encode_grid),
+            (OCTOMAP, tick.octomap, encode_cloud),
             *(("events", event, partial(encode_event, frame_id)) for event in tick.events),
             ("artefacts", tick.scene, partial(self._artefacts.encode, frame_id, stamp_ns)),
             ("perceived", perceived, partial(encode_perceived, *seen_by)),
-            ("predicted", paths, partial(encode_predicted, *seen_by, perception.step_ns)),
+            (PREDICTED, paths, partial(encode_predicted, *seen_by, perception.step_ns)),
             ("metrics", tick.metrics, partial(encode_metrics, frame_id, stamp_ns)),
             ("markers", tick.markers or None, partial(self._markers.encode, frame_id, stamp_ns)),
         )

@@ -176,7 +176,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         subscriptions = self._inputs = Subscriptions(
             self, parameters.sensors, parameters.camera.others, self._store, self._say
         )
-        offered = offered_outputs(parameters.certainty)
+        offered = offered_outputs(parameters.certainty, with_octomap=True)
         publishers = self._outputs = Publishers(
             self,
             subscriptions.roles,

@@ -17,7 +17,7 @@ from are_ros.messages.feed import Decoding, Feed, RawMessage
 from are_ros.messages.goals import read_clicked_point
 from are_ros.messages.maps import encode_grid, read_grid
 from are_ros.messages.sensors import SENSORS, SensorOutputs, sensor_topics
-from are_ros.messages.tick_encoding import TickEncoder
+from are_ros.messages.tick_encoding import OCTOMAP, TickEncoder
 from are_ros.node.watches import CallbackTimer, FaultWatch, TickWatch
 from are_ros.parameters.choices import CostmapGate, SensorGate
 from are_ros.parameters.model import Parameters
@@ -334,12 +334,15 @@ class LiveBuilder:
         self.watch.ran(ended_ns, ended_ns - began_ns, late_ns)
 
     def _demand(self, wanted: Container[str]) -> Demand:
-        """Return which outputs to compute; grids always, since they are latched."""
+        """Return which outputs to compute; grids always, since they are latched.
+
+        The octomap, too, is latched, but too large to be computed for nobody.
+        """
         parameters = self.builder.parameters
         by_gates = CostmapGate.PERCEIVED is parameters.costmap.gate
         by_gates = by_gates or SensorGate.PERCEIVED is parameters.sensors.gate
         perception = by_gates or any(name in wanted for name in _SIGHTS)
-        return Demand(perception=perception, markers="markers" in wanted)
+        return Demand(perception, markers="markers" in wanted, octomap=OCTOMAP in wanted)
 
     def _send_tick(self, tick: Tick, wanted: Container[str] | None = None) -> None:
         for name, _, data in self._encoder.encode(tick, wanted):

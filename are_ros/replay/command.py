@@ -1,7 +1,6 @@
 """The commands of `are` that read recordings; `say` and `echo` print their text."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -98,7 +97,7 @@ def is_given(path: str, parameter_files: Sequence[Path], assignments: Sequence[s
     return in_files or any(parse_assignment(text)[0] == path for text in assignments)
 
 
-def options_of(skip: Sequence[str], **options: Any) -> ReplayOptions:
+def options_of(skip: Sequence[str], also: Sequence[str], **options: Any) -> ReplayOptions:
     """Return the options of a replay from those of the command line. Raises AreError."""
     parameters = effective_parameters(
         options["parameter_files"],
@@ -120,7 +119,7 @@ def options_of(skip: Sequence[str], **options: Any) -> ReplayOptions:
         duration_s=options["duration_s"],
         with_inputs=options["with_inputs"],
         save_scenario=options["save_scenario"],
-        demand=replace(Demand(), **dict.fromkeys(skip, False)),
+        demand=Demand(**dict.fromkeys(skip, False), **dict.fromkeys(also, True)),
         is_wait_given=is_given(_WAIT, options["parameter_files"], options["assignments"]),
     )
 

@@ -12,7 +12,7 @@ from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.builder.sensors.sensor_path import ReleasedReading
-from are_ros.builder.tick import EVERYTHING, Demand, Tick
+from are_ros.builder.tick import USUAL, Demand, Tick
 from are_ros.draw.scene import ScanPoints, scan_points
 from are_ros.errors import AreError
 from are_ros.messages.common import MessageFactory
@@ -35,7 +35,7 @@ class TickWriter(Listener):
         self,
         writer: BagWriter,
         roles: Mapping[str, str],
-        demand: Demand = EVERYTHING,
+        demand: Demand = USUAL,
         outputs: Mapping[str, OutputTopic] = OUTPUTS,
         *,
         with_masks: bool = False,

@@ -242,7 +242,7 @@ def _open_writers(
         return (), dict
     writer = stack.enter_context(BagWriter(options.out / AUGMENTED))
     factory = RosbagsFactory()
-    offered = offered_outputs(options.parameters.certainty)
+    offered = offered_outputs(options.parameters.certainty, with_octomap=options.demand.octomap)
     outputs = TickWriter(
         writer,
         replay.role_of_topic,

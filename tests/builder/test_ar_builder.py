@@ -5,6 +5,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -799,3 +800,56 @@ def test_nothing_is_perceived_before_the_camera_that_is_awaited(scene: Scene) ->
     scene.robot(0.2, 1.0, 2.0)
     assert len(scene.tick(0.2).perceived) == 1
     assert scene.builder.looks == 1
+
+
+# --- the augmented octomap
+
+
+def wall_cloud(scene: Scene) -> None:
+    """Receive an octomap: a wall of voxels of 0.1 m at x = 3.5 m."""
+    side = np.arange(10) * 0.1 + 0.05
+    wall = np.array([(3.55, y, z) for y in side for z in side])
+    scene.builder.receive_cloud(wall.astype(np.float32), "map", scene.ns(0.0), 0.1)
+
+
+def octomap_points(tick: Tick) -> npt.NDArray[Any]:
+    """Return the centres of the octomap that goes out."""
+    assert tick.octomap is not None
+    return tick.octomap.points_m()
+
+
+def test_the_octomap_shows_whom_the_gate_admits(make_scene: Make) -> None:
+    """The box of the artefact adds voxels at its faces, and goes with it; a farewell is bare."""
+    scene = make_scene({"costmap.gate": "all", "sensors.shape": "box"}, Demand(octomap=True))
+    scene.map(0.0)
+    scene.robot(0.0, 1.0, 2.0)
+    wall_cloud(scene)
+    assert len(octomap_points(scene.tick(0.1))) == 100
+    scene.place(0, (2.5, 2.0), 0.1, life_s=0.5)
+    points = octomap_points(scene.tick(0.2))
+    (state,) = scene.tick(0.3).artefacts
+    middle_m = state.map_from_artefact.apply(np.array([state.box_centre_m]))[0]
+    low_m, high_m = middle_m - 0.5 * np.array(state.size_m), middle_m + 0.5 * np.array(state.size_m)
+    added = points[100:]
+    assert ((added > low_m - 0.06) & (added < high_m + 0.06)).all()
+    assert (np.abs(added.max(axis=0) - high_m) <= 0.1).all()
+    bare = scene.builder.farewell(scene.ns(0.35))
+    assert len(octomap_points(bare)) == 100
+    assert scene.builder.farewell(scene.ns(0.36)).octomap is None
+    assert len(octomap_points(scene.tick(0.4))) == len(points)
+    assert len(octomap_points(scene.tick(0.9))) == 100
+
+
+def test_without_an_octomap_or_a_wish_there_is_none(make_scene: Make) -> None:
+    """The walls of a map are no octomap; and what nobody asks for is not computed."""
+    wanted = make_scene({}, Demand(octomap=True))
+    wanted.map(0.0)
+    wanted.robot(0.0, 1.0, 2.0)
+    assert wanted.tick(0.1).octomap is None
+    plain = make_scene({})
+    plain.map(0.0)
+    plain.robot(0.0, 1.0, 2.0)
+    wall_cloud(plain)
+    assert plain.tick(0.1).octomap is None
+    plain.builder.demand = Demand(octomap=True)
+    assert plain.tick(0.2).octomap is not None

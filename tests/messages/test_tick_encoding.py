@@ -67,6 +67,7 @@ def tick(now_ns: int = 100 * MS, *artefacts: Artefact, **parts: Any) -> Tick:
         "metrics": METRICS,
         "markers": NO_MARKERS,
         "grids": Grids(),
+        "octomap": None,
         "map_from_base": None,
         "map_from_camera": None,
     }

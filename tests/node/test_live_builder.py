@@ -18,7 +18,8 @@ from are_ros.builder.assembly import catalogue_of
 from are_ros.builder.sensors.sensor_path import SensorPathCounts
 from are_ros.builder.spawning.requests import SpawnRequest
 from are_ros.messages.common import make_header
-from are_ros.messages.tick_encoding import OUTPUTS
+from are_ros.messages.maps import make_cloud
+from are_ros.messages.tick_encoding import ALL_OUTPUTS, OCTOMAP, OUTPUTS
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.message_classes import message_class
 from are_ros.node.qos import INPUTS
@@ -54,7 +55,8 @@ class OutputSink:
 
     def wanted(self) -> Collection[str]:
         """Return the names of the outputs that somebody listens to."""
-        return self.names | {name for name, output in OUTPUTS.items() if output.is_latched}
+        latched = {name for name, output in OUTPUTS.items() if output.is_latched}
+        return self.names | latched
 
     def publish(self, name: str, data: bytes) -> None:
         """Take a message."""
@@ -62,7 +64,9 @@ class OutputSink:
 
     def take(self, name: str) -> list[Any]:
         """Return the messages of an output, and forget them."""
-        kind = message_class("sensor_msgs/msg/LaserScan" if name == "scan" else OUTPUTS[name][0])
+        kind = message_class(
+            "sensor_msgs/msg/LaserScan" if name == "scan" else ALL_OUTPUTS[name][0]
+        )
         found = [deserialize_message(data, kind) for sent, data in self.sent if sent == name]
         self.sent = [entry for entry in self.sent if entry[0] != name]
         return found
@@ -367,6 +371,25 @@ def test_who_begins_to_listen_is_served_from_the_next_tick_on(rig: Rig) -> None:
     (markers,) = rig.outlet.take("markers")
     assert markers.markers[0].action == DELETE_ALL
     assert {marker.id for marker in markers.markers[1:]} == {artefact_id}
+
+
+def test_the_octomap_goes_out_while_somebody_listens(rig: Rig) -> None:
+    """Latched, but not for nobody; a pause leaves it without artefacts."""
+    wall = np.array([(3.55, y, 0.55) for y in np.arange(10) * 0.1 + 0.05], np.float32)
+    cloud = make_cloud(FACTORY, "map", ns(10.0), wall)
+    rig.store("octomap_point_cloud_centers", cloud, 10.06)
+    rig.place(2.0, 2.0, 10.06)
+    rig.outlet.names = set()
+    rig.work(10.2)
+    assert rig.outlet.take(OCTOMAP) == []
+    rig.outlet.names = {OCTOMAP}
+    rig.work(10.3)
+    (augmented,) = rig.outlet.take(OCTOMAP)
+    assert augmented.width > len(wall)
+    rig.outlet.names = set()
+    rig.live.pause(ns(10.35))
+    (bare,) = rig.outlet.take(OCTOMAP)
+    assert bytes(bare.data) == wall.tobytes()
 
 
 # ------------------------------------------------------------------------------------- scans

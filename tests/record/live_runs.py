@@ -14,6 +14,7 @@ import pytest
 
 from are_ros.agents.events import EventKind
 from are_ros.bag.reader import BagReader
+from are_ros.builder.tick import Demand
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
@@ -86,8 +87,12 @@ def said_by(folder: Path) -> str:
 def replay_of(live: Path, folder: Path, duration_s: float | None) -> None:
     """Replay what was played live, in this process, by the parameters that the node had."""
     parameters = with_values(Parameters(), read_ros_parameters(live / "effective.yaml"))
+    demand = Demand(octomap=True)  # as the recorder, who listens to everything
     options = ReplayOptions(
-        (SAMPLE,), parameters, folder, duration_s=duration_s, is_wait_given=True
+        *((SAMPLE,), parameters, folder),
+        duration_s=duration_s,
+        demand=demand,
+        is_wait_given=True,
     )
     run_replay(options, lambda _: None, lambda *_: lambda _: None)
 

@@ -21,7 +21,7 @@ SUB_STEP_NS = 50_000_000
 OUTPUTS = {
     *("artefacts", "perceived", "metrics", "events", "markers", "scan"),
     *("augmented_map", "augmented_map_updates", "augmented_costmap"),
-    *("artefact_map", "artefact_map_updates"),
+    *("artefact_map", "artefact_map_updates", "augmented_octomap"),
 }
 
 HAPPENED = {

@@ -70,6 +70,7 @@ def test_options_become_what_is_asked_for() -> None:
     """Every option has its place; skipped parts are in nobody's demand."""
     options = options_of(
         skip=("grids", "markers"),
+        also=("octomap",),
         bags=(Path("a.bag"),),
         parameter_files=(),
         assignments=("seed:=1",),
@@ -86,7 +87,7 @@ def test_options_become_what_is_asked_for() -> None:
         scenario_file=Path("s.yaml"),
         save_scenario=Path("kept/t.yaml"),
     )
-    assert options.demand == Demand(perception=True, grids=False, markers=False)
+    assert options.demand == Demand(grids=False, markers=False, octomap=True)
     assert options.parameters.frames.map == "earth"
     assert options.parameters.population.scenario == "s.yaml"
     assert options.save_scenario == Path("kept/t.yaml")

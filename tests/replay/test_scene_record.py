@@ -62,6 +62,7 @@ def _tick(
         metrics=metrics,
         markers=NO_MARKERS,
         grids=Grids(),
+        octomap=None,
         map_from_base=base,
         map_from_camera=base,
     )

@@ -15,7 +15,7 @@ from are_ros.builder.markers import NO_MARKERS
 from are_ros.builder.scene import Scene
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.builder.sensors.sensor_path import ReleasedReading
-from are_ros.builder.tick import EVERYTHING, Demand, Tick
+from are_ros.builder.tick import USUAL, Demand, Tick
 from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.population.catalogue import CatalogueRow
@@ -51,13 +51,14 @@ def tick(now_ns: int, *artefacts: Artefact, **parts: Any) -> Tick:
         "metrics": METRICS,
         "markers": NO_MARKERS,
         "grids": Grids(),
+        "octomap": None,
         "map_from_base": None,
         "map_from_camera": None,
     }
     return Tick(**(values | parts))
 
 
-def written(path: Path, *ticks: Tick, demand: Demand = EVERYTHING) -> list[tuple[str, int, Any]]:
+def written(path: Path, *ticks: Tick, demand: Demand = USUAL) -> list[tuple[str, int, Any]]:
     """Write ticks, and return what stands in the recording."""
     with BagWriter(path) as writer:
         tick_writer = TickWriter(writer, {}, demand)

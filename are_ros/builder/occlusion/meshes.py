@@ -10,6 +10,7 @@ import numpy.typing as npt
 from are_ros._compiled import compiled
 from are_ros.builder.occlusion.rays import PIXELS, inverse
 from are_ros.errors import InputError
+from are_ros.parameters.choices import Shape
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.meshes.geometry import surface_of
 
@@ -252,6 +253,11 @@ class MeshPool:
             array.flags.writeable = False
         return MeshPool(tree)
 
+    def triangles(self, mesh: int) -> npt.NDArray[np.float64]:
+        """Return a mesh's triangles (T, 9), each a corner and two edges [m], some of them twice."""
+        _, levels, first = self.tree[2][mesh].tolist()
+        return self.tree[1][first : first + (LEAF_TRIANGLES << levels)]
+
     def __len__(self) -> int:
         """Return the number of meshes."""
         return len(self.tree[2])
@@ -358,6 +364,12 @@ class MeshBank:
             self._add([*newcomers.values()])
         indices = np.array([self._number_of_row[row.index] for row in rows], dtype=np.int64)
         return MeshSelection(self._pool, indices)
+
+    def shapes(self, rows: Sequence[CatalogueRow], shape: Shape) -> MeshSelection:
+        """Return what stands in the boxes of artefacts of these rows: meshes, or the boxes."""
+        if shape is Shape.MESH:
+            return self.selection(rows)
+        return MeshSelection.boxes_only(len(rows))
 
     def drawing(self, row: CatalogueRow) -> tuple[Triangles, npt.NDArray[np.float32]]:
         """Return a row's triangles (T, 3, 3) in F_A and their colours (T, 4) in [0, 1].

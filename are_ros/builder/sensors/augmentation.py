@@ -4,7 +4,7 @@ import math
 from operator import attrgetter
 from typing import Any
 
-from are_ros.builder.occlusion.meshes import MeshBank, MeshSelection
+from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.population_manager import PopulationManager
 from are_ros.builder.sensors.colour_image import ColourImage
@@ -19,7 +19,7 @@ from are_ros.builder.sensors.sensor_path import (
 from are_ros.builder.sensors.studio import Studio
 from are_ros.builder.tick import tick_period_ns
 from are_ros.conventions import seconds_to_ns
-from are_ros.parameters.choices import SensorGate, Shape
+from are_ros.parameters.choices import SensorGate
 from are_ros.parameters.model import Parameters
 from are_ros.world.environment import Environment
 from are_ros.world.rigid_transform import RigidTransform
@@ -148,10 +148,7 @@ class SensorAugmentation:
             scene = scene.only(self.perceived)
         if not len(scene):
             return reading
-        if self._settings.shape is Shape.MESH:
-            shapes = self._meshes.selection(scene.rows)
-        else:
-            shapes = MeshSelection.boxes_only(len(scene))
+        shapes = self._meshes.shapes(scene.rows, self._settings.shape)
         environment = self._lives.environment
         surface = VoxelField.of(environment.voxels) if environment else None
         farthest_m = self._settings.depth_range or math.inf

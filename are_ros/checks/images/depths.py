@@ -17,8 +17,6 @@ Floats = NDArray[np.float64]
 _KINDS: Final = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 _HEADER: Final = struct.Struct("<iff")
 _MILLIMETRES, _METRES, _INVERSE = range(3)
-_KEPT: Final = 40
-"""At most so many pairs are kept to be computed anew, spread evenly over a recording."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,21 +143,3 @@ class DepthPair:
     output: DepthFrame
     info: Any
     is_rectified: bool
-
-
-class KeptPairs:
-    """Pairs of images, spread evenly: of many, each second is dropped."""
-
-    def __init__(self) -> None:
-        self.pairs: list[DepthPair] = []
-        self._every = 1
-        self._seen = 0
-
-    def add(self, pair: DepthPair) -> None:
-        """Keep a pair, or not."""
-        if self._seen % self._every == 0:
-            self.pairs.append(pair)
-            if len(self.pairs) > _KEPT:
-                self.pairs = self.pairs[::2]
-                self._every *= 2
-        self._seen += 1

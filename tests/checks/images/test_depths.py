@@ -10,10 +10,11 @@ import numpy.typing as npt
 import pytest
 
 from are_ros.checks.images.anew import Difference, box_triangles, compared, nearest_depths
-from are_ros.checks.images.depths import DepthFrame, KeptPairs, changed_pixels
+from are_ros.checks.images.depths import DepthFrame, changed_pixels
 from are_ros.checks.images.lens import info_topic, rays_of
 from are_ros.checks.oracle.frames import Pose
 from are_ros.checks.oracle.solids import Walls
+from are_ros.checks.sensors.scan_pairs import Kept
 
 HERE = Pose(np.eye(3), np.zeros(3))
 BOX = box_triangles() * (0.4, 0.3, 0.2) + (0.1, 0.0, 3.0)
@@ -134,11 +135,11 @@ def test_rays_are_where_opencv_projects_to_the_pixels(model: str, d: tuple[float
 
 
 def test_what_is_kept_is_spread_over_a_recording() -> None:
-    """At most forty pairs, evenly apart."""
-    kept = KeptPairs()
+    """At most forty, evenly apart."""
+    kept = Kept[int](40)
     for number in range(1000):
-        kept.add(number)  # type: ignore[arg-type]
-    steps = np.diff(np.array(kept.pairs, dtype=int))
-    assert 20 <= len(kept.pairs) <= 40
+        kept.add(number)
+    steps = np.diff(kept.kept)
+    assert 20 <= len(kept.kept) <= 40
     assert len(set(steps.tolist())) == 1
     assert info_topic("/a/depth/image/compressedDepth") == "/a/depth/camera_info"

@@ -3,18 +3,19 @@
 import math
 from bisect import bisect_left
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from are_ros.bag.decoded import Scan
 from are_ros.bag.recording import PREFIX
-from are_ros.checks.cloud_pairs import SensorCloud, changed_points
-from are_ros.checks.images.depths import DepthFrame, DepthPair, KeptPairs, changed_pixels
+from are_ros.checks.images.depths import DepthFrame, DepthPair, changed_pixels
 from are_ros.checks.images.lens import info_topic, name_parts, rays_of
+from are_ros.checks.sensors.cloud_pairs import SensorCloud, changed_points
 
 _MOST_WAITING: Final = 2000
+_MOST_IMAGES: Final = 40
 _MOST_CLOUDS: Final = 100
 _MOST_ENDS: Final = 2000
 """Of the changed pixels of an image, so many are looked at where they end."""
@@ -48,13 +49,33 @@ class ChangedScan:
     fault: str
 
 
+_Kind = TypeVar("_Kind")
+
+
+class Kept(Generic[_Kind]):
+    """Some of what came, at most so many, spread evenly: of too many, each second is dropped."""
+
+    def __init__(self, most: int) -> None:
+        self.kept: list[_Kind] = []
+        self._most, self._every, self._seen = most, 1, 0
+
+    def add(self, one: _Kind) -> None:
+        """Keep one, or not."""
+        if self._seen % self._every == 0:
+            self.kept.append(one)
+            if len(self.kept) > self._most:
+                self.kept = self.kept[::2]
+                self._every *= 2
+        self._seen += 1
+
+
 class ScanPairs:
     """Finds the input of each augmented scan by stamp and frame, whichever comes first."""
 
     def __init__(self) -> None:
         self.changed: list[ChangedScan] = []
         self.pairs = self.clouds = self.depths = self.pixels = 0
-        self.kept_depths = KeptPairs()
+        self.kept_depths = Kept[DepthPair](_MOST_IMAGES)
         self.infos: dict[str, Any] = {}
         """The last CameraInfo by topic; `add_info` takes it."""
         self._rays: dict[tuple[str, bool], tuple[Any, NDArray[np.float64]]] = {}

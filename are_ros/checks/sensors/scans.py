@@ -20,7 +20,7 @@ from are_ros.checks.oracle.plane import distances_m
 from are_ros.checks.oracle.solids import Cloud, Walls
 from are_ros.checks.record import Record
 from are_ros.checks.result import CheckResult, Tally, at_s, skipped
-from are_ros.checks.scan_pairs import ChangedScan
+from are_ros.checks.sensors.scan_pairs import ChangedScan
 from are_ros.checks.ticks import departures_ns
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.parameters.choices import SensorGate, Shape
@@ -255,7 +255,7 @@ def check_scans(record: Record) -> list[CheckResult]:
             continue
         beams.look()
         beams.fail(f"{topic} {at_s(stamp_ns)} has no scan of this stamp that came in")
-    places, surface = BoxPositions(record), _KnownWalls(record)
+    places, surface = BoxPositions(record), KnownWalls(record)
     for scan in record.scans.changed:
         if scan.fault:
             beams.fail(f"{scan.topic} {at_s(scan.stamp_ns)} {scan.fault}")
@@ -306,12 +306,12 @@ def _check_ends(tally: Tally, record: Record, places: BoxPositions, scan: Change
 def check_depths(record: Record) -> CheckResult:
     """Depth images are what one gets who computes them anew, pixel by pixel."""
     tally = Tally("depth images computed anew", "pixel")
-    settings, pairs = record.settings, record.scans.kept_depths.pairs
+    settings, pairs = record.settings, record.scans.kept_depths.kept
     if record.is_live:
         return skipped(tally.name, "a live recording does not tell what it was augmented with")
     if settings.sensors.gate is SensorGate.PERCEIVED:
         return skipped(tally.name, "sensors see what is perceived only (sensors.gate)")
-    places, surface = BoxPositions(record), _KnownWalls(record)
+    places, surface = BoxPositions(record), KnownWalls(record)
     by_a_step = at_edges = images = 0
     for pair in pairs:
         stamp_ns, released_ns = pair.output.stamp_ns, pair.output.at_ns
@@ -403,7 +403,7 @@ def _check_walls(tally: Tally, walls: Walls, record: Record, scan: ChangedScan) 
         tally.fail(f"{scan.topic} {at_s(stamp_ns)} a beam without a return of its own {where}")
 
 
-class _KnownWalls:
+class KnownWalls:
     """What hides artefacts from beams without a return, as it was known at a time.
 
     `doubt` is why that is not known, else empty.

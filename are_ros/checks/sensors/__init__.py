@@ -1,0 +1,1 @@
+"""Readings of sensors beside their inputs, and the octomap."""
