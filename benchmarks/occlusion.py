@@ -2,13 +2,18 @@
 
 The peer traces the exposed faces of the voxels with embreex, one ray per pixel, tests each box by
 slabs in numpy over all pixels, and compares as equation 2 says. Both give the pixels that see each
-artefact; the largest difference is printed. Run: python benchmarks/occlusion.py [repetitions]
+artefact; the largest difference is printed.
+
+    python benchmarks/occlusion.py [repetitions] [octomap.bt]
+
+With the octomap of a file the camera stands 1 m up in its middle, or near it.
 """
 
 import math
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from statistics import median
 
@@ -24,6 +29,7 @@ from are_ros.builder.occlusion.zbuffer import ZBuffer
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.cameras import FORWARD_FROM_OPTICAL, PinholeView
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.voxel_files.reading import read_voxel_file
 from are_ros.world.voxel_map import VoxelMap
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -75,11 +81,40 @@ def crowd(count: int) -> OrientedBoxes:
     return OrientedBoxes(centres, generator.uniform(-3.1, 3.1, count), half_sizes)
 
 
-def capsules(count: int) -> MeshSelection:
-    """Return a mesh of 960 triangles for every box."""
+def capsule() -> trimesh.Trimesh:
+    """Return a mesh of 960 triangles, its middle at 0."""
     solid = trimesh.creation.capsule(height=1.3, radius=0.25, count=[16, 32])
-    vertices = np.array(solid.vertices) - (0.0, 0.0, 0.65)
-    return MeshSelection(MeshPool.of([(vertices, solid.faces)]), np.zeros(count, dtype=np.int64))
+    solid.apply_translation((0.0, 0.0, -0.65))
+    return solid
+
+
+SOLID = capsule()
+MOST_MESHES = 20
+"""With more meshes the peer takes seconds."""
+
+
+def capsules(count: int) -> MeshSelection:
+    """Return that mesh for every box."""
+    pool = MeshPool.of([(np.array(SOLID.vertices), SOLID.faces)])
+    return MeshSelection(pool, np.zeros(count, dtype=np.int64))
+
+
+def place_of_file(path: Path) -> VoxelMap:
+    """Return the octomap of a file, moved so that the camera of the others stands in its middle."""
+    centres_m, size_m = read_voxel_file(path, None)
+    voxels = VoxelMap.from_centres(centres_m, size_m, RigidTransform.identity())
+    floor = int(voxels.occupied.sum(axis=(0, 1)).argmax())  # the layer with most voxels
+    size = voxels.voxel_size_m[2]
+    level = min(floor + round(1.0 / size), voxels.occupied.shape[2] - 1)
+    free = np.argwhere(voxels.occupied[:, :, level] == 0)
+    free = free[voxels.occupied[free[:, 0], free[:, 1], floor] == 1]  # with a floor below
+    middle = np.array(voxels.occupied.shape[:2]) / 2
+    i, j = free[np.abs(free - middle).sum(axis=1).argmin()].tolist()
+    here = voxels.map_from_lattice.apply(
+        (np.array([(i, j, level)]) + 0.5) * np.array(voxels.voxel_size_m)
+    )[0]
+    shift = RigidTransform(np.array(CAMERA_M) - here, np.array([0.0, 0.0, 0.0, 1.0]))
+    return VoxelMap.from_centres(centres_m, size_m, shift)
 
 
 class Peer:
@@ -88,6 +123,7 @@ class Peer:
     def __init__(self, voxels: VoxelMap) -> None:
         surface = exposed_faces(voxels)
         corners = np.asarray(surface.vertices, dtype=np.float32)[surface.faces]
+        self._bodies: list[TriangleMesh] = []  # scenes do not keep theirs alive
         self._scene = EmbreeScene()
         self._mesh = TriangleMesh(self._scene, corners)
         rays = VIEW.directions().reshape(-1, 3) @ CAMERA.rotation_matrix().T
@@ -116,11 +152,26 @@ class Peer:
         depth: Floats = np.where(met, near, np.float32(np.inf))
         return depth
 
-    def visible(self, boxes: OrientedBoxes) -> list[int]:
-        """Return how many pixels see each box; a box never hides itself."""
+    def meshes(self, boxes: OrientedBoxes, solid: trimesh.Trimesh) -> list[EmbreeScene]:
+        """Return a scene for the mesh that stands in each box; this is not part of the job."""
+        scenes = []
+        for x, y, z, cosine, sine, *_ in boxes.packed.tolist():
+            turn = np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]])
+            vertices = np.array(solid.vertices) @ turn + (x, y, z)
+            scenes.append(EmbreeScene())
+            self._bodies.append(TriangleMesh(scenes[-1], vertices[solid.faces].astype(np.float32)))
+        return scenes
+
+    def visible(self, boxes: OrientedBoxes, bodies: Sequence[EmbreeScene] = ()) -> list[int]:
+        """Return how many pixels see each box; what hides others are the bodies, or the boxes.
+
+        A box is never hidden by its own shape, which lies in it.
+        """
         depths = [self.box_depth(boxes, index) for index in range(len(boxes))]
         front = self.environment()
-        for depth in depths:
+        for body in bodies:
+            np.minimum(front, body.run(self._origins, self.rays, query="DISTANCE"), out=front)
+        for depth in () if bodies else depths:
             np.minimum(front, depth, out=front)
         front += np.float32(1e-3)
         return [int(np.count_nonzero((d <= front) & np.isfinite(d))) for d in depths]
@@ -145,7 +196,12 @@ def measure(title: str, voxels: VoxelMap, runs: int) -> None:
     """Print all comparisons for one environment."""
     print(f"\n{title}: {voxels.occupied_count} occupied voxels{'ours':>22}{'peer':>14}{'ratio':>9}")
     field, peer, buffer = VoxelField.of(voxels), Peer(voxels), ZBuffer(VIEW, MAX_RANGE_M)
-    compare("map structure", lambda: VoxelField.of(voxels), lambda: Peer(voxels), max(1, runs // 4))
+    compare(
+        "map structure",
+        lambda: VoxelField.of(replace(voxels)),  # it is kept with the map: a new one is given
+        lambda: Peer(voxels),
+        max(1, runs // 4),
+    )
     compare(
         "environment depth, every pixel",
         lambda: field.first_hits(CAMERA.translation_m, peer.rays, MAX_RANGE_M),
@@ -171,10 +227,14 @@ def measure_crowd(
         lambda: peer.visible(boxes),
         max(2, runs // (1 + len(boxes) // 20)),
     )
-    by_mesh = median(
-        milliseconds(lambda: buffer.visibility(CAMERA, boxes, field, shapes)) for _ in range(runs)
-    )
-    print(f"{'  with meshes of 960 triangles as occluders':<52}{by_mesh:9.2f} ms")
+    if len(boxes) <= MOST_MESHES:
+        bodies = peer.meshes(boxes, SOLID)
+        compare(
+            f"occlusion, {len(boxes)} artefacts, meshes of {len(SOLID.faces)} triangles",
+            lambda: buffer.visibility(CAMERA, boxes, field, shapes),
+            lambda: peer.visible(boxes, bodies),
+            max(2, runs // (1 + len(boxes) // 20)),
+        )
     seen = buffer.visibility(CAMERA, boxes, field).visible_pixels
     apart = int(np.abs(seen - peer.visible(boxes)).max())
     print(f"  {np.count_nonzero(seen)} seen; visible pixels differ by at most {apart}")
@@ -184,3 +244,5 @@ if __name__ == "__main__":
     repetitions = int(sys.argv[1]) if len(sys.argv) > 1 else 9
     measure("Voxels of 0.05 m", hall(), repetitions)
     measure("One layer of tall voxels", extruded_hall(), repetitions)
+    if len(sys.argv) > 2:
+        measure("The octomap of the file", place_of_file(Path(sys.argv[2])), repetitions)

@@ -66,7 +66,7 @@ class Scratch(NamedTuple):
     rays: npt.NDArray[np.float32]
     depths: npt.NDArray[np.float32]
     candidates: npt.NDArray[np.int64]
-    nearest_m: npt.NDArray[np.float32]
+    nearest_bits: npt.NDArray[np.int32]
     order: npt.NDArray[np.int64]
     last_m: npt.NDArray[np.float32]
     front_m: npt.NDArray[np.float32]
@@ -76,9 +76,14 @@ class Scratch(NamedTuple):
     lattice_rays: npt.NDArray[np.float32]
     hits_m: npt.NDArray[np.float32]
     traced: npt.NDArray[np.int64]
+    inverses_z: npt.NDArray[np.float32]
+    farthest_m: npt.NDArray[np.float32]
 
 
 _ZERO = np.float32(0.0)
+_INFINITE_BITS: Final = np.int32(0x7F800000)
+"""Depths are not negative: then their bits, as integers, have their order. Only integers does the
+compiler compare side by side, as the least of floats depends on where NaN is."""
 
 
 @compiled
@@ -101,9 +106,9 @@ def find_candidates(
             boxes.cameras_m[box, 0],
             boxes.cameras_m[box, 1],
             boxes.cameras_m[box, 2],
-            cosine * axis[0] + sine * axis[1],
-            cosine * axis[1] - sine * axis[0],
-            axis[2],
+            inverse(cosine * axis[0] + sine * axis[1]),
+            inverse(cosine * axis[1] - sine * axis[0]),
+            inverse(axis[2]),
             boxes.halves_m[box, 0] + grown,
             boxes.halves_m[box, 1] + grown,
             boxes.halves_m[box, 2] + grown,
@@ -118,15 +123,17 @@ def _enter(
     ox: np.float32,
     oy: np.float32,
     oz: np.float32,
-    dx: np.float32,
-    dy: np.float32,
-    dz: np.float32,
+    ix: np.float32,
+    iy: np.float32,
+    iz: np.float32,
     half_x: np.float32,
     half_y: np.float32,
     half_z: np.float32,
 ) -> np.float32:
-    """Return where a ray enters a closed box about the origin [m]: 0 from inside, inf if never."""
-    ix, iy, iz = inverse(dx), inverse(dy), inverse(dz)
+    """Return where a ray enters a closed box about the origin [m]: 0 from inside, inf if never.
+
+    The ray's direction is given by the inverses of its components.
+    """
     ax, bx = (-half_x - ox) * ix, (half_x - ox) * ix
     ay, by = (-half_y - oy) * iy, (half_y - oy) * iy
     az, bz = (-half_z - oz) * iz, (half_z - oz) * iz
@@ -153,7 +160,9 @@ def measure_boxes(
 
     Z_a is the first hit per pixel on the box, or `by_mesh` on the mesh in it; inf beyond the range.
     """
-    rays_x, rays_y, rays_z = scratch.rays[0], scratch.rays[1], scratch.rays[2]
+    rays_x, rays_y, inverses_z = scratch.rays[0], scratch.rays[1], scratch.inverses_z
+    for pixel in range(PIXELS):
+        inverses_z[pixel] = inverse(scratch.rays[2, pixel])
     kept = 0
     for candidate in range(count):
         box = scratch.candidates[candidate]
@@ -165,7 +174,8 @@ def measure_boxes(
         for pixel in range(PIXELS):
             x, y = rays_x[pixel], rays_y[pixel]
             dx, dy = cosine * x + sine * y, cosine * y - sine * x
-            near = _enter(ox, oy, oz, dx, dy, rays_z[pixel], half_x, half_y, half_z)
+            ix, iy, iz = inverse(dx), inverse(dy), inverses_z[pixel]
+            near = _enter(ox, oy, oz, ix, iy, iz, half_x, half_y, half_z)
             hit = (near <= max_range_m) & (valid[pixel] != 0)
             depths[pixel] = near if hit else INFINITE
             met += np.int32(hit)
@@ -217,15 +227,16 @@ def hide_behind_others(
     if no other Z_a is behind it.
     """
     depths, front, last = scratch.depths, scratch.front_m, scratch.last_m
-    nearest, order = scratch.nearest_m, scratch.order
+    nearest, order = scratch.nearest_bits, scratch.order
     front[:] = INFINITE
     last[:] = -INFINITE
     for candidate in range(count):
-        depth, least = depths[candidate], INFINITE
+        depth, least = depths[candidate], _INFINITE_BITS
+        bits = depth.view(np.int32)
         for pixel in range(PIXELS):
             higher = (depth[pixel] > last[pixel]) & (depth[pixel] < INFINITE)
             last[pixel] = depth[pixel] if higher else last[pixel]
-            least = min(least, depth[pixel])
+            least = min(least, bits[pixel])
         place = candidate
         while place > 0 and nearest[place - 1] > least:  # sort by the least depth in the tile
             nearest[place], order[place] = nearest[place - 1], order[place - 1]
@@ -358,12 +369,16 @@ def _trace_environment(
             limit = depth[pixel] - TIE_M
             farther = (limit > limits[pixel]) & (limit < INFINITE)
             limits[pixel] = limit if farther else limits[pixel]
-    farthest = _ZERO
+    farthest_bits, bits = np.int32(0), limits.view(np.int32)
     for pixel in range(PIXELS):
-        farthest = max(farthest, limits[pixel])
+        farthest_bits = max(farthest_bits, bits[pixel])
+    scratch.farthest_m.view(np.int32)[0] = farthest_bits
+    farthest = scratch.farthest_m[0]
     lattice_axis = _turned(voxels.lattice_from_map, axis)
     spreads = voxels.voxels_per_m * spread
     start = free_cone(voxels.field, voxels.origin, voxels.ignored, lattice_axis, spreads, farthest)
+    if farthest <= start:
+        return
     waiting = 0
     for pixel in range(PIXELS):
         traced[waiting] = pixel
@@ -390,14 +405,36 @@ def _tally(
     The second half of Z_a <= Z_S (Eq. 2): what other artefacts hide, `hide_behind_others` has set
     to infinity before.
     """
+    environment, nearest_bits = scratch.environment_m, tallies.nearest_m.view(np.int32)
     for candidate in range(count):
         box, depths = scratch.candidates[candidate], scratch.depths[candidate]
-        bounds = tallies.bounds[box]
+        seen, nearest, bits = np.int32(0), _INFINITE_BITS, depths.view(np.int32)
         for pixel in range(PIXELS):
             depth = depths[pixel]
-            if depth < INFINITE and depth <= scratch.environment_m[pixel] + TIE_M:
-                x, y = first_pixel[0] + pixel % TILE, first_pixel[1] + pixel // TILE
-                bounds[0], bounds[1] = min(bounds[0], x), min(bounds[1], y)
-                bounds[2], bounds[3] = max(bounds[2], x), max(bounds[3], y)
-                tallies.visible[box] += 1
-                tallies.nearest_m[box] = min(tallies.nearest_m[box], depth)
+            is_seen = (depth < INFINITE) & (depth <= environment[pixel] + TIE_M)
+            seen += np.int32(is_seen)
+            nearest = min(nearest, bits[pixel] if is_seen else _INFINITE_BITS)
+        if seen > 0:
+            tallies.visible[box] += seen
+            nearest_bits[box] = min(nearest_bits[box], nearest)
+            _widen(tallies.bounds[box], first_pixel, depths, environment)
+
+
+@compiled
+def _widen(
+    bounds: npt.NDArray[np.int64],
+    first_pixel: npt.NDArray[np.int64],
+    depths: npt.NDArray[np.float32],
+    environment_m: npt.NDArray[np.float32],
+) -> None:
+    """Widen a rectangle to hold the pixels of a tile that see a box, unless it holds the tile."""
+    left, top = first_pixel[0], first_pixel[1]
+    is_within = bounds[0] <= left and bounds[1] <= top
+    if is_within and bounds[2] >= left + TILE - 1 and bounds[3] >= top + TILE - 1:
+        return
+    for pixel in range(PIXELS):
+        depth = depths[pixel]
+        if depth < INFINITE and depth <= environment_m[pixel] + TIE_M:
+            x, y = left + pixel % TILE, top + pixel // TILE
+            bounds[0], bounds[1] = min(bounds[0], x), min(bounds[1], y)
+            bounds[2], bounds[3] = max(bounds[2], x), max(bounds[3], y)

@@ -128,7 +128,7 @@ def _scratch(count: int) -> Scratch:
         rays=np.empty((3, PIXELS), dtype=np.float32),
         depths=np.empty((count + 1, PIXELS), dtype=np.float32),
         candidates=np.empty(count + 1, dtype=np.int64),
-        nearest_m=np.empty(count + 1, dtype=np.float32),
+        nearest_bits=np.empty(count + 1, dtype=np.int32),
         order=np.empty(count + 1, dtype=np.int64),
         last_m=np.empty(PIXELS, dtype=np.float32),
         front_m=np.empty(PIXELS, dtype=np.float32),
@@ -138,6 +138,8 @@ def _scratch(count: int) -> Scratch:
         lattice_rays=np.empty((3, PIXELS), dtype=np.float32),
         hits_m=np.empty(PIXELS, dtype=np.float32),
         traced=np.empty(PIXELS + 1, dtype=np.int64),
+        inverses_z=np.empty(PIXELS, dtype=np.float32),
+        farthest_m=np.empty(1, dtype=np.float32),
     )
 
 

@@ -48,6 +48,11 @@ class CloudField(NamedTuple):
     numbers: int = 1
 
 
+_Coordinate = npt.NDArray[np.floating]
+_EVERYWHERE: Final = np.array([(0.0, 0.0, 1.0, -2.0)])
+"""A cone that holds all directions."""
+
+
 @dataclass(frozen=True, eq=False)
 class PointCloud:
     """H x W points as they were received, in the frame of their sensor, with all their fields.
@@ -150,25 +155,22 @@ class PointCloud:
         point on an artefact has strength 0; its other fields are those of the return that it
         replaces, or of the ray's neighbour. If nothing changes, the same object is returned.
         """
-        points_m = self.points_m().astype(np.float64)
-        with np.errstate(over="ignore", invalid="ignore"):
-            ranges_m = np.sqrt((points_m * points_m).sum(axis=1))
-        returns = np.flatnonzero(np.isfinite(ranges_m) & (ranges_m > _NOTHING_M))
-        ranges_m = ranges_m[returns]
-        farthest_m = float(ranges_m.max(initial=0.0))
+        axes = self._coordinates()
+        farthest_m = _farthest_return(*axes)
         cones = _cones(map_from_sensor, obstacles.boxes, farthest_m)
         if not len(cones):
             return self
-        rays = points_m[returns] / ranges_m[:, None]
+        is_organised = len(self.data) > 1  # there the rays of all holes follow from all returns
+        returns, rays, ranges_m = _returns_in(*axes, _EVERYWHERE if is_organised else cones)
         hits_m = first_hits_along(map_from_sensor, rays, ranges_m, obstacles)
         is_behind = hits_m < ranges_m
-        owners, free = self._rays_without_return(returns, rays, cones)
+        owners, free = self._rays_without_return(returns, rays)
         limits_m = np.full(len(free), farthest_m)
         seen_m = first_hits_along(map_from_sensor, free, limits_m, obstacles)
         is_seen = _are_seen(seen_m, free, map_from_sensor, obstacles.surface)
         if not is_behind.any() and not is_seen.any():
             return self
-        units = self._units_of_lengths(returns, ranges_m)
+        units = self._units_of_lengths()
         data, width, places = self._with_room(owners[is_seen])
         places = np.concatenate((returns[is_behind], places))
         rays = np.concatenate((rays[is_behind], free[is_seen]))
@@ -196,32 +198,37 @@ class PointCloud:
         columns: _Columns = np.ndarray((len(data), width), point, data, 0, strides)
         return columns
 
+    def _coordinates(self) -> tuple[_Coordinate, _Coordinate, _Coordinate]:
+        """Return x, y and z (height, width) [m]: views where the processor can read these."""
+        columns = self._columns(self.data, self.width)
+        x, y, z = (columns[axis] for axis in "xyz")
+        if all(one.dtype.isnative for one in (x, y, z)):
+            return x, y, z
+        points_m = self.points_m().reshape(*x.shape, 3)
+        return points_m[..., 0], points_m[..., 1], points_m[..., 2]
+
     def _rays_without_return(
-        self, returns: _Indices, directions: _Floats, cones: _Floats
+        self, returns: _Indices, directions: _Floats
     ) -> tuple[_Indices, _Floats]:
         """Return the rays (K, 3) without a return, and the points (K,) that they belong to.
 
-        That is the ray's own point, or in an unorganised cloud its neighbour's. There, all rays in
-        the `cones` (M, 4) are found.
+        That is the ray's own point, or in an unorganised cloud its neighbour's.
         """
         if len(self.data) > 1:
             return rays_of_holes((len(self.data), self.width), returns, directions)
-        is_near = np.zeros(len(returns), np.bool_)
-        for *towards, cosine in cones:
-            is_near |= directions @ np.array(towards) > cosine
-        returns, directions = returns[is_near], directions[is_near]
         columns = self._columns(self.data, self.width)
         rows = next((columns[name][0, returns] for name in _names(columns, _ROWS)), None)
         neighbours, rays = rays_between(directions, rows)
         return returns[neighbours], rays
 
-    def _units_of_lengths(self, returns: _Indices, ranges_m: _Floats) -> dict[str, float]:
+    def _units_of_lengths(self) -> dict[str, float]:
         """Return how much a field grows per metre of distance from the sensor, by field."""
         columns = self._columns(self.data, self.width)
-        return {
-            name: float(np.median(columns[name].ravel()[returns] / ranges_m))
-            for name in _names(columns, _LENGTHS)
-        }
+        names = _names(columns, _LENGTHS)
+        if not names:
+            return {}
+        returns, _, ranges_m = _returns_in(*self._coordinates(), _EVERYWHERE)
+        return {name: float(np.median(columns[name].ravel()[returns] / ranges_m)) for name in names}
 
     def _with_room(self, owners: _Indices) -> tuple[npt.NDArray[np.uint8], int, _Indices]:
         """Return a copy of the data with room for rays without return, its width, and their places.
@@ -233,6 +240,59 @@ class PointCloud:
         points = self.data[0, : self.width * self.point_step].reshape(self.width, self.point_step)
         points = np.concatenate((points, points[owners]))
         return points.reshape(1, -1), len(points), np.arange(self.width, len(points))
+
+
+@compiled
+def _farthest_return(x: _Coordinate, y: _Coordinate, z: _Coordinate) -> float:
+    """Return how far away the farthest return is [m], 0 if there is none.
+
+    Four running maxima, which do not wait for each other: a cloud of which no artefact is in reach
+    costs little more than reading it.
+    """
+    p = q = r = s = 0.0
+    for row in range(x.shape[0]):
+        fours = x.shape[1] // 4 * 4
+        for k in range(0, fours, 4):
+            p = _farther(p, x[row, k], y[row, k], z[row, k])
+            q = _farther(q, x[row, k + 1], y[row, k + 1], z[row, k + 1])
+            r = _farther(r, x[row, k + 2], y[row, k + 2], z[row, k + 2])
+            s = _farther(s, x[row, k + 3], y[row, k + 3], z[row, k + 3])
+        for k in range(fours, x.shape[1]):
+            p = _farther(p, x[row, k], y[row, k], z[row, k])
+    farthest_m = np.sqrt(max(p, q, r, s))
+    return farthest_m if farthest_m > _NOTHING_M else 0.0
+
+
+@compiled
+def _farther(square: float, x: float, y: float, z: float) -> float:
+    """Return the larger of a square and that of a point's range, if this is finite."""
+    a, b, c = np.float64(x), np.float64(y), np.float64(z)
+    own = a * a + b * b + c * c
+    return own if (own > square) & (own < np.inf) else square
+
+
+@compiled
+def _returns_in(
+    x: _Coordinate, y: _Coordinate, z: _Coordinate, cones: _Floats
+) -> tuple[_Indices, _Floats, _Floats]:
+    """Return indices (N,), unit vectors (N, 3) and ranges (N,) [m] of the returns in some cones."""
+    found = np.empty(x.size, np.int64)
+    rays, ranges_m = np.empty((x.size, 3)), np.empty(x.size)
+    count, width = 0, x.shape[1]
+    for row in range(x.shape[0]):
+        for k in range(width):
+            a, b, c = np.float64(x[row, k]), np.float64(y[row, k]), np.float64(z[row, k])
+            range_m = np.sqrt(a * a + b * b + c * c)
+            if not _NOTHING_M < range_m < np.inf:
+                continue
+            a, b, c = a / range_m, b / range_m, c / range_m
+            for cone in range(cones.shape[0]):
+                if a * cones[cone, 0] + b * cones[cone, 1] + c * cones[cone, 2] > cones[cone, 3]:
+                    found[count], ranges_m[count] = row * width + k, range_m
+                    rays[count, 0], rays[count, 1], rays[count, 2] = a, b, c
+                    count += 1
+                    break
+    return found[:count].copy(), rays[:count].copy(), ranges_m[:count].copy()
 
 
 def _cones(map_from_sensor: RigidTransform, boxes: OrientedBoxes, farthest_m: float) -> _Floats:

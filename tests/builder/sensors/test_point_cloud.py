@@ -12,7 +12,12 @@ from hypothesis import strategies as st
 
 from are_ros.builder.occlusion.meshes import MeshPool, MeshSelection
 from are_ros.builder.occlusion.rays import VoxelField
-from are_ros.builder.sensors.point_cloud import CloudField, PointCloud
+from are_ros.builder.sensors.point_cloud import (
+    CloudField,
+    PointCloud,
+    _farthest_return,
+    _returns_in,
+)
 from are_ros.builder.sensors.sensor_path import Obstacles
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
@@ -356,3 +361,28 @@ def test_whatever_a_cloud_holds_it_passes(
     closer = np.linalg.norm(found, axis=1) < np.linalg.norm(before, axis=1)
     assert closer[moved & is_return].all()
     assert np.isfinite(found[moved]).all()
+
+
+@pytest.mark.parametrize("kind", ["<f4", "<f8", ">f4"])
+@pytest.mark.parametrize("step", [16, 27])
+def test_what_is_far_from_all_costs_one_look(kind: str, step: int) -> None:
+    """The farthest return and the returns in a cone, as numpy finds them, wherever numbers lie."""
+    random, size = np.random.default_rng(step), np.dtype(kind).itemsize
+    values = random.normal(size=(3, 203)).astype(kind)
+    values[:, ::7], values[1, 3::11], values[:, 5::13] = np.nan, np.inf, 0.0
+    rows = np.zeros((203, 3 * size + step), np.uint8)
+    rows[:, : 3 * size] = np.ascontiguousarray(values.T).view(np.uint8).reshape(203, -1)
+    fields = tuple(CloudField(name, k * size, 6 + size // 4) for k, name in enumerate("xyz"))
+    cloud = PointCloud(
+        "laser", 0, fields, kind[0] == ">", False, 203, rows.shape[1], rows.reshape(1, -1)
+    )
+    axes = cloud._coordinates()
+    ranges_m = np.sqrt((values.astype(np.float64) ** 2).sum(axis=0))
+    is_return = np.isfinite(ranges_m) & (ranges_m > 0.0)
+    assert _farthest_return(*axes) == ranges_m[is_return].max()
+    rays = (values / np.where(is_return, ranges_m, 1.0)).T.astype(np.float64)
+    expected = np.flatnonzero(is_return & (rays[:, 2] > 0.3))
+    found, ours, lengths_m = _returns_in(*axes, np.array([(0.0, 0.0, 1.0, 0.3)]))
+    np.testing.assert_array_equal(found, expected)
+    np.testing.assert_allclose(ours, rays[expected], atol=1e-7)
+    np.testing.assert_array_equal(lengths_m, ranges_m[expected])
