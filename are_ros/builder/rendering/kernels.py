@@ -21,10 +21,81 @@ TIE_M: Final = np.float32(0.02)
 FLOOR_M: Final = np.float32(0.06)
 """A real surface that is less than this above the artefact's ground is the ground: it hides
 nothing, however noisy it is."""
+_ROOM_PX: Final = 0.1
 _EDGE: Final = np.float32(1e-5)
 _ZERO: Final = np.float32(0.0)
 _ONE: Final = np.float32(1.0)
 _FOUR: Final = np.float32(SAMPLES * SAMPLES)
+
+
+@compiled
+def bound(
+    points: npt.NDArray[np.float64],
+    pixels: npt.NDArray[np.float64],
+    indices: Integers,
+    bulges: npt.NDArray[np.float64],
+    size: tuple[int, int],
+    planes: npt.NDArray[np.float64],
+    corners: Floats,
+) -> tuple[Integers, Integers]:
+    """Return where to look for each triangle: rectangles of samples, int32 (F, 4), for `draw`.
+
+    And the rectangle (4,) around all of them, which is empty where there are none.
+
+    Points (V, 3) are in the camera's frame, and pixels (V, 2) where they are in the image of a
+    `size`, NaN where that is not known. Triangle f has the points indices[f], which are copied to
+    corners (F, 3, 3), and its sides bulge by bulges[f] pixels in the image, or none (0,) do. No
+    ray of the image goes where a plane (P, 3) through the camera is negative.
+    """
+    bounds = np.zeros((indices.shape[0], 4), np.int32)
+    window = np.array((SAMPLES * size[0], SAMPLES * size[1], 0, 0), np.int32)
+    for face in range(indices.shape[0]):
+        bulge = bulges[face] if bulges.size else 0.0
+        a, b, c = (
+            np.uint32(indices[face, 0]),
+            np.uint32(indices[face, 1]),
+            np.uint32(indices[face, 2]),
+        )
+        for axis in range(3):
+            corners[face, 0, axis] = points[a, axis]
+            corners[face, 1, axis] = points[b, axis]
+            corners[face, 2, axis] = points[c, axis]
+        if not np.isfinite(pixels[a, 0] + pixels[b, 0] + pixels[c, 0] + bulge):
+            if not _is_outside(points, a, b, c, planes):
+                bounds[face, 2], bounds[face, 3] = SAMPLES * size[0], SAMPLES * size[1]
+                window[0], window[1] = 0, 0
+                window[2], window[3] = bounds[face, 2], bounds[face, 3]
+            continue
+        for axis in range(2):
+            p, q, r = pixels[a, axis], pixels[b, axis], pixels[c, axis]
+            low = min(p, q, r) - _ROOM_PX - bulge
+            high = max(p, q, r) + _ROOM_PX + bulge
+            # sample j of a row is at (j - 0.5) / 2 pixels
+            low, high = max(low, -0.25), min(high, size[axis] - 0.75)
+            if low <= high:
+                bounds[face, axis] = np.int32(np.ceil(SAMPLES * low + 0.5))
+                bounds[face, 2 + axis] = np.int32(np.floor(SAMPLES * high + 0.5)) + 1
+        if bounds[face, 0] < bounds[face, 2] and bounds[face, 1] < bounds[face, 3]:
+            for axis in range(2):
+                window[axis] = min(window[axis], bounds[face, axis])
+                window[2 + axis] = max(window[2 + axis], bounds[face, 2 + axis])
+    return bounds, window
+
+
+@compiled
+def _is_outside(
+    points: npt.NDArray[np.float64], a: int, b: int, c: int, planes: npt.NDArray[np.float64]
+) -> bool:
+    """Tell whether a plane has a whole triangle on its negative side."""
+    for plane in range(planes.shape[0]):
+        x, y, z = planes[plane, 0], planes[plane, 1], planes[plane, 2]
+        if (
+            x * points[a, 0] + y * points[a, 1] + z * points[a, 2] <= 0.0
+            and x * points[b, 0] + y * points[b, 1] + z * points[b, 2] <= 0.0
+            and x * points[c, 0] + y * points[c, 1] + z * points[c, 2] <= 0.0
+        ):
+            return True
+    return False
 
 
 @compiled
@@ -35,8 +106,13 @@ def draw(
     is_closed: bool,
     ranges: Floats,
     faces: Integers,
+    planes: Floats,
 ) -> None:
     """Lower the ranges (H, W) of samples to the first hit on any triangle, and note which it was.
+
+    The triangle's `planes` (F, 9), which `shade` takes, are filled where it is drawn: the share of
+    its second and third corner where a ray meets it is the ray times columns 3 to 5, and 6 to 8,
+    by the ray times columns 0 to 2.
 
     `rays` (3, H, W) are unit, zero where there is none, and `corners` (F, 3, 3) are in the camera's
     frame. Triangle f is looked for at columns bounds[f, 0] to bounds[f, 2] and rows bounds[f, 1] to
@@ -57,6 +133,10 @@ def draw(
         above = bx * vx + by * vy + bz * vz
         if is_closed and above <= _ZERO:
             continue
+        plane = planes[face]
+        plane[0], plane[1], plane[2] = nx, ny, nz
+        plane[3], plane[4], plane[5] = ux, uy, uz
+        plane[6], plane[7], plane[8] = vx, vy, vz
         for row in range(top, bottom):
             xs, ys = rays[0, row, left:right], rays[1, row, left:right]
             zs = rays[2, row, left:right]
@@ -123,7 +203,7 @@ def shade(
     rays: Floats,
     window: Integers,
     body: int,
-    corners: Floats,
+    planes: Floats,
     normals: Floats,
     colours: Floats,
     uvs: Floats,
@@ -137,8 +217,9 @@ def shade(
     """Add the light that a body sends to the layer (H, W, 4); return the number of its samples.
 
     The layer has linear red, green, blue, and the covered share, for each pixel of the `window`.
-    `corners` and `normals` are in the camera's frame. `light` (3, 3) has the direction to the lamp
-    there, the direction up, and the strength of lamp, of the sky above, and of the ground below.
+    `planes` are those of `draw`; `normals` (F, 3, 3) are in the camera's frame. `light` (3, 3) has
+    the direction to the lamp there, the direction up, and the strength of lamp, of the sky above,
+    and of the ground below.
     `linear` (256,) are the intensities of sRGB values. A pixel whose four samples meet one triangle
     is shaded once, along its own ray.
     """
@@ -168,7 +249,7 @@ def shade(
                     y,
                     z,
                     front_face[r, c],
-                    corners,
+                    planes,
                     normals,
                     colours,
                     uvs,
@@ -189,7 +270,7 @@ def _add_light(
     y: np.float32,
     z: np.float32,
     face: int,
-    corners: Floats,
+    planes: Floats,
     normals: Floats,
     colours: Floats,
     uvs: Floats,
@@ -202,13 +283,10 @@ def _add_light(
     layer: Floats,
 ) -> None:
     """Add to a pixel of the layer a part of the light that comes along a ray from a triangle."""
-    sx, sy, sz = -corners[face, 0, 0], -corners[face, 0, 1], -corners[face, 0, 2]
-    ax, ay, az = corners[face, 1, 0] + sx, corners[face, 1, 1] + sy, corners[face, 1, 2] + sz
-    bx, by, bz = corners[face, 2, 0] + sx, corners[face, 2, 1] + sy, corners[face, 2, 2] + sz
-    nx, ny, nz = by * az - bz * ay, bz * ax - bx * az, bx * ay - by * ax
-    scale = _ONE / (x * nx + y * ny + z * nz)
-    u = (x * (by * sz - bz * sy) + y * (bz * sx - bx * sz) + z * (bx * sy - by * sx)) * scale
-    v = (x * (sy * az - sz * ay) + y * (sz * ax - sx * az) + z * (sx * ay - sy * ax)) * scale
+    plane = planes[face]
+    scale = _ONE / (x * plane[0] + y * plane[1] + z * plane[2])
+    u = (x * plane[3] + y * plane[4] + z * plane[5]) * scale
+    v = (x * plane[6] + y * plane[7] + z * plane[8]) * scale
     w = _ONE - u - v
     mx = w * normals[face, 0, 0] + u * normals[face, 1, 0] + v * normals[face, 2, 0]
     my = w * normals[face, 0, 1] + u * normals[face, 1, 1] + v * normals[face, 2, 1]

@@ -10,7 +10,16 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.builder.rendering.kernels import SAMPLES, blend, cover, darken, draw, merge, shade
+from are_ros.builder.rendering.kernels import (
+    SAMPLES,
+    blend,
+    bound,
+    cover,
+    darken,
+    draw,
+    merge,
+    shade,
+)
 from are_ros.builder.rendering.surface import Surface, to_linear, to_srgb
 from are_ros.world.cameras import FisheyeView, PinholeView
 from are_ros.world.rigid_transform import RigidTransform
@@ -25,6 +34,8 @@ _GREY: Final = 0.22
 _SHADOW_M: Final = 0.5
 """A shadow reaches as far from the body's box."""
 _DARKEST, _BRIGHTEST = 0.1, 1.6
+_MARGIN: Final = 0.02
+"""Of directions [rad]: more than a pixel's width, and than rounding."""
 
 
 @dataclass(frozen=True)
@@ -130,24 +141,22 @@ class Painter:
 
         `real_m` float32 (H, W) are the ranges of what is really there, inf where nothing is.
         """
-        frames = [_in_camera(body, map_from_camera) for body in bodies]
-        windows = [
-            self._drawn(k, body, corners, map_from_camera, real_m)
-            for k, (body, (corners, _)) in enumerate(zip(bodies, frames, strict=True))
-        ]
+        drawn = [self._drawn(k, body, map_from_camera, real_m) for k, body in enumerate(bodies)]
         layer = np.zeros((self.view.height, self.view.width, 4), dtype=np.float32)
         light = _light(lighting, map_from_camera)
         fractions = np.full(len(bodies), np.nan)
-        touched = [window for window, met in windows if met]
-        for k, (window, met) in enumerate(windows):
-            surface, (corners, normals) = bodies[k].surface, frames[k]
+        touched = [window for window, met, _ in drawn if met]
+        for k, (window, met, planes) in enumerate(drawn):
+            surface = bodies[k].surface
             if met:
+                turn = (map_from_camera.inverse() @ bodies[k].map_from_box).rotation_matrix()
+                normals = surface.normals @ turn.T.astype(np.float32)
                 seen = shade(
                     self.rays,
                     self.sample_rays,
                     _of_pixels(window),
                     k,
-                    corners,
+                    planes,
                     normals,
                     surface.colours,
                     surface.uvs,
@@ -177,19 +186,31 @@ class Painter:
         self,
         number: int,
         body: PaintedBody,
-        corners: Floats,
         map_from_camera: RigidTransform,
         real_m: Floats,
-    ) -> tuple[Indices, int]:
-        """Draw a body; return its window of samples, and how many of them meet it."""
-        bounds = self._bounds(corners)
-        is_inside = (bounds[:, 2] > bounds[:, 0]) & (bounds[:, 3] > bounds[:, 1])
-        if not is_inside.any():
-            return np.zeros(4, dtype=np.int32), 0
-        low, high = bounds[is_inside, :2].min(axis=0), bounds[is_inside, 2:].max(axis=0)
-        window = np.concatenate((low, high)).astype(np.int32)
+    ) -> tuple[Indices, int, Floats]:
+        """Draw a body; return its window of samples, how many of them meet it, and its planes."""
+        surface, window = body.surface, np.zeros(4, dtype=np.int32)
+        planes = np.empty((len(surface.indices), 9), dtype=np.float32)
+        if not self._may_see(body, map_from_camera):
+            return window, 0, planes
+        corners = np.empty((len(surface.indices), 3, 3), dtype=np.float32)
+        points = (map_from_camera.inverse() @ body.map_from_box).apply(
+            surface.points_m.astype(np.float64)
+        )
+        bounds, window = bound(
+            points,
+            self.view.project(points),
+            surface.indices,
+            self._bulges(points, surface.indices),
+            (self.view.width, self.view.height),
+            self._planes,
+            corners,
+        )
+        if window[0] >= window[2] or window[1] >= window[3]:
+            return window, 0, planes
         is_closed = body.surface.is_closed
-        draw(self.sample_rays, corners, bounds, is_closed, self._ranges, self._faces)
+        draw(self.sample_rays, corners, bounds, is_closed, self._ranges, self._faces, planes)
         up = map_from_camera.rotation_matrix()[2].astype(np.float32)
         heights = np.array((map_from_camera.translation_m[2], body.ground_m), dtype=np.float32)
         met = merge(
@@ -205,31 +226,50 @@ class Painter:
             self._front_body,
             self._front_face,
         )
-        return window, met
+        return window, met, planes
 
-    def _bounds(self, corners: Floats) -> Indices:
-        """Return where to look for each triangle (F, 3, 3): rectangles of samples, int32 (F, 4)."""
-        points = corners.astype(np.float64)
-        pixels = self.view.project(points.reshape(-1, 3)).reshape(-1, 3, 2)
+    def _bulges(self, points: npt.NDArray[np.float64], indices: Indices) -> npt.NDArray[np.float64]:
+        """Return how far the sides of triangles bulge in the image [px], (F,), or (0,) for none."""
         if self.view.is_straight:
-            bulge = np.zeros(len(points))
-        else:
-            middles = 0.5 * (points + np.roll(points, -1, axis=1))
-            between = self.view.project(middles.reshape(-1, 3)).reshape(-1, 3, 2)
-            straight = 0.5 * (pixels + np.roll(pixels, -1, axis=1))
-            bulge = 2.0 * np.abs(between - straight).max(axis=(1, 2))
-        size = np.array((self.view.width, self.view.height))
-        low = pixels.min(axis=1) - 0.1 - bulge[:, np.newaxis]
-        high = pixels.max(axis=1) + 0.1 + bulge[:, np.newaxis]
-        is_unknown = ~np.isfinite(low + high).all(axis=1)
-        is_behind = (points[:, :, 2] <= 0.0).all(axis=1) & is_unknown
-        low[is_unknown], high[is_unknown] = 0.0, size
-        high[is_behind] = 0.0
-        # Sample j of a row is at (j - 0.5) / 2 pixels.
-        first = np.ceil(SAMPLES * np.clip(low, -0.25, size) + 0.5)
-        last = np.floor(SAMPLES * np.clip(high, -0.75, size - 0.75) + 0.5) + 1.0
-        last[is_behind] = 0.0
-        return np.concatenate((first, last), axis=1).astype(np.int32)
+            return np.empty(0)
+        corners = points[indices]
+        pixels = self.view.project(corners.reshape(-1, 3)).reshape(-1, 3, 2)
+        middles = 0.5 * (corners + np.roll(corners, -1, axis=1))
+        between = self.view.project(middles.reshape(-1, 3)).reshape(-1, 3, 2)
+        straight = 0.5 * (pixels + np.roll(pixels, -1, axis=1))
+        bulges: npt.NDArray[np.float64] = 2.0 * np.abs(between - straight).max(axis=(1, 2))
+        return bulges
+
+    @cached_property
+    def _cone(self) -> tuple[npt.NDArray[np.float64], float]:
+        """The mean ray (3,), and the greatest angle of a ray from it [rad]."""
+        rays = self.rays[self.rays.any(axis=2)].astype(np.float64)
+        axis = rays.sum(axis=0)
+        axis /= max(float(np.linalg.norm(axis)), 1e-12)
+        return axis, math.acos(np.clip((rays @ axis).min(), -1.0, 1.0))
+
+    @cached_property
+    def _planes(self) -> npt.NDArray[np.float64]:
+        """Planes (P, 3) that have all rays on their positive side: of a straight view its edges."""
+        axis, widest_rad = self._cone
+        if not self.view.is_straight:
+            return axis[np.newaxis] if widest_rad < 0.5 * math.pi else np.empty((0, 3))
+        corners = self.rays[[0, 0, -1, -1], [0, -1, -1, 0]].astype(np.float64)
+        planes = np.cross(corners, np.roll(corners, -1, axis=0))
+        planes *= np.sign(planes @ axis)[:, np.newaxis]
+        planes /= np.linalg.norm(planes, axis=1, keepdims=True)
+        return planes + _MARGIN * axis  # the samples lie beyond the rays of the outermost pixels
+
+    def _may_see(self, body: PaintedBody, map_from_camera: RigidTransform) -> bool:
+        """Tell whether a ray may meet the ball around a body's box."""
+        axis, widest_rad = self._cone
+        apart_m = body.map_from_box.translation_m - map_from_camera.translation_m
+        away_m, radius_m = float(np.linalg.norm(apart_m)), float(np.linalg.norm(body.half_sizes_m))
+        if away_m <= radius_m:
+            return True
+        cosine = float(apart_m @ (map_from_camera.rotation_matrix() @ axis)) / away_m
+        aside_rad = math.acos(min(max(cosine, -1.0), 1.0)) - math.asin(radius_m / away_m)
+        return aside_rad <= widest_rad + _MARGIN
 
     def _mask(self, windows: Sequence[Indices]) -> Indices:
         """Return which body covers most of each pixel."""
@@ -285,15 +325,6 @@ def _of_pixels(window: Indices) -> Indices:
     return np.concatenate((low, high)).astype(np.int32)
 
 
-def _in_camera(body: PaintedBody, map_from_camera: RigidTransform) -> tuple[Floats, Floats]:
-    """Return corners and normals of a body in the camera's frame."""
-    camera_from_box = map_from_camera.inverse() @ body.map_from_box
-    turn = camera_from_box.rotation_matrix()
-    corners = body.surface.corners_m @ turn.T + camera_from_box.translation_m
-    normals = body.surface.normals @ turn.T
-    return corners.astype(np.float32), normals.astype(np.float32)
-
-
 def _light(lighting: Lighting, map_from_camera: RigidTransform) -> Floats:
     """Return the directions to the lamp and up in the camera's frame, and the strengths."""
     level = math.cos(lighting.elevation_rad)
@@ -320,7 +351,9 @@ def _composed(
         mean = _LINEAR[pixels[::4, ::4]].mean(axis=(0, 1))
         cast = np.sqrt(np.maximum(mean, 1e-4) / max(float(mean.mean()), 1e-4))
         gain *= np.clip(mean.mean() / _GREY, _DARKEST, _BRIGHTEST) * cast
-    rows, columns = np.nonzero((layer[:, :, 3] > 0.0) | (shadow < 0.999))
+    is_touched = (layer[:, :, 3] > 0.0) | (shadow < 0.999)
+    marks = is_touched.view(np.uint8)  # their greatest is found quicker than whether any is set
+    rows, columns = (np.flatnonzero(marks.max(axis=axis)) for axis in (1, 0))
     margin = math.ceil(3.0 * lighting.blur_px) if lighting.blur_px > 0.0 else 0
     top, left = max(int(rows.min()) - margin, 0), max(int(columns.min()) - margin, 0)
     part = slice(top, int(rows.max()) + margin + 1), slice(left, int(columns.max()) + margin + 1)

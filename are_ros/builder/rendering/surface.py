@@ -22,13 +22,15 @@ _KEPT: Final = 200
 class Surface:
     """F triangles in the frame of the artefact's bounding box, as the kernels take them.
 
-    `corners_m` float32 (F, 3, 3) [m]; `normals` float32 (F, 3, 3), unit, at the corners; `colours`
+    `points_m` float32 (V, 3) [m], no two alike, and `indices` int32 (F, 3), which of them the
+    corners are; `normals` float32 (F, 3, 3), unit, at the corners; `colours`
     float32 (F, 3, 3), linear red, green and blue at the corners. `uvs` float32 (F, 3, 2) are places
     in the `texture` uint8 (H, W, 3), sRGB, from its lower left corner; NaN where a face has none.
     The far side of a surface that `is_closed`, with corners anticlockwise from outside, is hidden.
     """
 
-    corners_m: Floats
+    points_m: Floats
+    indices: npt.NDArray[np.int32]
     normals: Floats
     colours: Floats
     uvs: Floats
@@ -46,14 +48,23 @@ class Surface:
                 if normals is None
                 else np.where(normals.any(axis=2, keepdims=True), normals, own)
             )
+        corners_m = np.ascontiguousarray(mesh.corners_m, dtype=np.float32).reshape(-1, 3)
+        points_m, indices = np.unique(corners_m, axis=0, return_inverse=True)
         return cls(
-            np.ascontiguousarray(mesh.corners_m, dtype=np.float32),
+            points_m,
+            indices.reshape(-1, 3).astype(np.int32),
             np.ascontiguousarray(normals, dtype=np.float32),
             np.ascontiguousarray(to_linear(mesh.colours), dtype=np.float32),
             np.ascontiguousarray(mesh.uvs, dtype=np.float32),
             np.ascontiguousarray(mesh.texture),
             mesh.is_closed,
         )
+
+    @property
+    def corners_m(self) -> Floats:
+        """The corners, float32 (F, 3, 3) [m]; the array is new."""
+        corners_m: Floats = self.points_m[self.indices]
+        return corners_m
 
     @classmethod
     def of(

@@ -82,14 +82,16 @@ class RawColour:
         stored, order = self.image.pixels(), _ORDERS[self.image.encoding]
         if stored.ndim == 2:
             return np.repeat(stored[:, :, np.newaxis], 3, axis=2)
-        return np.ascontiguousarray(stored[:, :, list(order)])
+        first, _, last = order  # red and blue may be swapped, and an alpha beyond
+        ordered = stored[:, :, :3] if first < last else stored[:, :, 2::-1]
+        return np.ascontiguousarray(ordered)
 
     def with_rgb(self, painted: Pixels, before: Pixels, quality: int) -> "RawColour":
         """See `ColourPixels`."""
         del quality
         stored, order = self.image.pixels().copy(), _ORDERS[self.image.encoding]
-        is_changed = (painted != before).any(axis=2)
         if stored.ndim == 2:
+            is_changed = (painted != before).any(axis=2)
             stored[is_changed] = np.rint(painted[is_changed] @ _LUMA).astype(np.uint8)
         else:
             for colour, channel in enumerate(order):

@@ -70,6 +70,26 @@ class Lens:
             cones.spreads,
         )
 
+    @cached_property
+    def lengths(self) -> npt.NDArray[np.float32]:
+        """How long rays are that end at 1 m of depth, float32 (H, W) [m], NaN where there is none.
+
+        They turn depths into distances.
+        """
+        lengths: npt.NDArray[np.float32]
+        lengths = np.linalg.norm(self.view.rays_to_depth(), axis=2).astype(np.float32)
+        return lengths
+
+    def in_tiles(self, which: _Indices) -> npt.NDArray[np.bool_]:
+        """Return which pixels (H, W) with a ray are in some tiles (K,)."""
+        rows, columns = self.tiles.rows[which, 0] // TILE, self.tiles.columns[which, 0] // TILE
+        height, width = self.view.height, self.view.width
+        chosen = np.zeros((-(-height // TILE), -(-width // TILE)), dtype=np.bool_)
+        chosen[rows, columns] = True
+        pixels = chosen.repeat(TILE, axis=0).repeat(TILE, axis=1)[:height, :width]
+        are_in: npt.NDArray[np.bool_] = pixels & ~np.isnan(self.lengths)
+        return are_in
+
     def tiles_towards(self, map_from_camera: RigidTransform, boxes: OrientedBoxes) -> _Indices:
         """Return the tiles (K,) in which a ray may meet one of the boxes, int64."""
         matrix = map_from_camera.rotation_matrix()

@@ -106,30 +106,27 @@ class Studio:
         which: npt.NDArray[np.int64],
         surface: VoxelField | None,
     ) -> npt.NDArray[np.float32]:
-        """Return how far away is what is really there, float32 (H, W) [m], in some tiles `which`.
+        """Return how far away is what is really there, float32 (H, W) [m].
 
-        By the depth image of the same frame, time and size; where that has no return or is missing,
-        the environment's surface. It is inf elsewhere.
+        By the depth image of the same frame, time and size. Where that has no return or is missing,
+        the environment's surface in the tiles `which`, and inf elsewhere.
         """
         view = lens.view
-        ranges = np.full((view.height, view.width), np.inf, dtype=np.float32)
-        rows, columns = lens.tiles.rows[which], lens.tiles.columns[which]
-        is_valid = lens.tiles.valid[which]
-        rows, columns = rows[is_valid], columns[is_valid]
-        rays = lens.tiles.rays[which].transpose(0, 2, 1)[is_valid]
-        lengths = np.linalg.norm(rays, axis=1)
-        found = np.full(len(rows), np.nan)
+        ranges = np.full((view.height, view.width), np.nan, dtype=np.float32)
         depth = self._depth_of(image, view.height, view.width)
         self.expects_depth = False
         if depth is not None:
-            depths_m = depth.pixels.code.depths_m(depth.pixels.stored()[rows, columns])
-            found = np.maximum(depths_m, 0.0) * lengths
-        is_open = np.isnan(found)
-        if surface is not None and is_open.any():
-            directions = (rays[is_open] / lengths[is_open, np.newaxis]).astype(np.float32)
+            depths_m = depth.pixels.code.depths_m(depth.pixels.stored())
+            np.multiply(np.maximum(depths_m, 0.0), lens.lengths, out=ranges, casting="same_kind")
+        is_open = np.isnan(ranges)
+        if surface is not None:
+            rows, columns = np.nonzero(is_open & lens.in_tiles(which))
+            directions = view.directions()[rows, columns]
             in_map = directions @ map_from_camera.rotation_matrix().T.astype(np.float32)
-            found[is_open] = surface.first_hits(map_from_camera.translation_m, in_map, _FAR_M)
-        ranges[rows, columns] = np.where(np.isnan(found), np.inf, found)
+            hits_m = surface.first_hits(map_from_camera.translation_m, in_map, _FAR_M)
+            ranges[rows, columns] = hits_m
+            is_open[rows, columns] = False
+        ranges[is_open] = np.inf
         return ranges
 
     def _depth_of(self, image: Framed, height: int, width: int) -> DepthImage | None:
