@@ -6,6 +6,8 @@ from pathlib import Path
 from are_ros.bag.types import RosbagsFactory
 from are_ros.bag.writer import BagWriter
 from are_ros.conventions import NS_PER_S
+from bags.simulation.camera import OfficeCamera
+from bags.simulation.frames import CAMERA_FRAME, CAMERA_INFO
 from bags.simulation.office import OFFICE_START, OFFICE_TOUR_S, office_building, office_driver
 from bags.simulation.robot import DriveLimits
 from bags.simulation.simulator import Simulator
@@ -20,8 +22,16 @@ def main() -> None:
     arguments = _parsed_arguments()
     limits = DriveLimits()
     simulator = Simulator(office_building(), OFFICE_START, limits=limits, start_ns=START_NS)
+    camera = OfficeCamera(simulator.building, CAMERA_FRAME, CAMERA_INFO)
     with BagWriter(arguments.out) as writer:
-        record(simulator, office_driver(limits), writer, RosbagsFactory(), arguments.duration)
+        record(
+            simulator,
+            office_driver(limits),
+            writer,
+            RosbagsFactory(),
+            arguments.duration,
+            camera=camera,
+        )
     size_mb = arguments.out.stat().st_size / 1e6
     print(f"{arguments.out}: {arguments.duration:g} s, {size_mb:.2f} MB")
     for topic, count in writer.counts().items():

@@ -25,6 +25,7 @@ _BASE_FROM_CAMERA: Final = RigidTransform.from_xyz_ypr(0.05, 0.0, 0.9, 0.0, math
 _CAMERA_FROM_OPTICAL: Final = RigidTransform.from_xyz_ypr(
     0.0, 0.0, 0.0, -0.5 * math.pi, 0.0, -0.5 * math.pi
 )
+BASE_FROM_OPTICAL: Final = _BASE_FROM_CAMERA @ _CAMERA_FROM_OPTICAL
 _JOINTS: Final = (
     (BASE_FRAME, "base_link", _BASE_FROM_LINK),
     ("base_link", SCAN_FRAME, _BASE_FROM_LINK.inverse() @ BASE_FROM_SCAN),

@@ -11,8 +11,10 @@ from are_ros.messages.common import Header, MessageFactory
 from are_ros.messages.maps import make_cloud, make_grid
 from are_ros.messages.transforms import make_transforms
 from bags.simulation.building import surface_centres_m
+from bags.simulation.camera import OfficeCamera, make_depth_png, make_jpeg
 from bags.simulation.frames import (
     BASE_FRAME,
+    BASE_FROM_OPTICAL,
     CAMERA_FRAME,
     CAMERA_INFO,
     MAP_FRAME,
@@ -59,6 +61,17 @@ ROBOT_TOPICS: Final = (
 )
 
 
+IMAGE_TOPICS: Final = (
+    RobotTopic(
+        "/camera/depth_raw/compressedDepth", "sensor_msgs/msg/CompressedImage", is_reliable=False
+    ),
+    RobotTopic(
+        "/camera/image_raw/compressed", "sensor_msgs/msg/CompressedImage", is_reliable=False
+    ),
+)
+"""Those of a robot whose camera takes pictures; /camera/camera_info is theirs, too."""
+
+
 @dataclass(frozen=True)
 class _Beat:
     """When something is said: every `period` steps from `phase` on, and how late it arrives."""
@@ -77,9 +90,11 @@ _SCAN: Final = _Beat(12, 5, (18 * _MS, 23 * _MS))
 # A localiser stamps its correction as the scan that it matched, and needs that scan first.
 _CORRECTION: Final = _Beat(12, 5, (30 * _MS, 42 * _MS))
 _CAMERA: Final = _Beat(12, 2, (24 * _MS, 33 * _MS))
+_PICTURE: Final = _Beat(360, 122, (38 * _MS, 40 * _MS))
+"""The depth image comes first. Both come at fixed times: what else is said stays as it is."""
 
 MAX_LATENCY_NS: Final = max(
-    beat.latency_ns[1] for beat in (_ODOMETRY, _BASE_TF, _SCAN, _CORRECTION, _CAMERA)
+    beat.latency_ns[1] for beat in (_ODOMETRY, _BASE_TF, _SCAN, _CORRECTION, _CAMERA, _PICTURE)
 )
 """Nothing arrives later than this after its stamp."""
 
@@ -94,8 +109,13 @@ class RobotSpeech:
     """
 
     def __init__(
-        self, simulator: Simulator, factory: MessageFactory, generator: np.random.Generator
+        self,
+        simulator: Simulator,
+        factory: MessageFactory,
+        generator: np.random.Generator,
+        camera: OfficeCamera | None = None,
     ) -> None:
+        self._camera = camera
         self._simulator = simulator
         self._factory = factory
         self._generator = generator
@@ -125,6 +145,20 @@ class RobotSpeech:
             if beat.is_due(steps):
                 latency_ns = int(self._generator.integers(*beat.latency_ns))
                 yield TimedMessage(topic, self._simulator.now_ns + latency_ns, make())
+        if self._camera is not None and _PICTURE.is_due(steps):
+            yield from self._pictures(self._camera, steps // _PICTURE.period)
+
+    def _pictures(self, camera: OfficeCamera, number: int) -> Iterator[TimedMessage]:
+        """Yield picture `number`, its depths before."""
+        now_ns, factory = self._simulator.now_ns, self._factory
+        header = Header(CAMERA_FRAME, now_ns)
+        map_from_camera = self._simulator.map_from_base @ BASE_FROM_OPTICAL
+        depths = make_depth_png(factory, header, camera.depths_mm(map_from_camera))
+        colours = make_jpeg(factory, header, camera.colours(map_from_camera, number))
+        for topic, late_ns, message in zip(
+            IMAGE_TOPICS, _PICTURE.latency_ns, (depths, colours), strict=True
+        ):
+            yield TimedMessage(topic.name, now_ns + late_ns, message)
 
     def _odometry(self) -> Any:
         simulator = self._simulator
@@ -182,9 +216,13 @@ def record(
     factory: MessageFactory,
     duration_s: float,
     seed: int = 0,
+    camera: OfficeCamera | None = None,
 ) -> None:
-    """Drive for [0, duration_s) and write all messages stamped in it, in order of arrival."""
-    for topic in ROBOT_TOPICS:
+    """Drive for [0, duration_s) and write all messages stamped in it, in order of arrival.
+
+    With a camera there are images.
+    """
+    for topic in (*ROBOT_TOPICS, *(IMAGE_TOPICS if camera is not None else ())):
         sink.add_topic(
             topic.name,
             topic.type_name,
@@ -192,7 +230,7 @@ def record(
             is_reliable=topic.is_reliable,
             depth=topic.depth,
         )
-    speech = RobotSpeech(simulator, factory, np.random.default_rng(seed))
+    speech = RobotSpeech(simulator, factory, np.random.default_rng(seed), camera)
     spoken = _spoken(simulator, driver, speech, round(duration_s * STEPS_PER_S))
     for message in _in_order(spoken):
         sink.write(message.topic, message.arrival_ns, message.message)
