@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,8 +17,10 @@ from rclpy.node import Node
 from are_ros.bag.reader import BagReader
 from are_ros.bag.roles import find_roles
 from are_ros.errors import BagError, NodeError
+from are_ros.messages.sensors import SENSORS
 from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.node.message_classes import service_class
+from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import write_ros_parameters
 from are_ros.record.player import PlayOutcome, play
@@ -68,13 +70,15 @@ def run_demo(
     Leaves augmented.mcap, effective.yaml, node.log and recorder.log in the folder. Raises AreError.
     """
     keep_to_this_machine()
-    remaps = _remaps(options.bag)
+    remaps, sensors = _topics(options)
+    options = replace(options, parameters=with_values(options.parameters, sensors))
     _prepare(options)
     with ExitStack() as stack:
         log = options.out / "recorder.log"
         recorder = stack.enter_context(_process(_record_command(options), log))
         log = options.out / "node.log"
-        node = stack.enter_context(_process(_node_command(options, remaps), log))
+        command = _node_command(options, remaps, [t for one in sensors.values() for t in one])
+        node = stack.enter_context(_process(command, log))
         say("starting the node (kernels compile for a minute or two the first time)")
         _await_active((node, recorder), options.out, should_stop)
         outcome = play(_play_options(options), say, open_progress, should_stop)
@@ -105,14 +109,25 @@ def _prepare(options: DemoOptions) -> None:
         raise BagError(message) from cause
 
 
-def _remaps(bag: Path) -> dict[str, str]:
-    """Return the topics of the recording that are not named as the node expects them, by role."""
+def _topics(options: DemoOptions) -> tuple[dict[str, str], dict[str, tuple[str, ...]]]:
+    """Return the topics of the recording that are not named as the node expects them.
+
+    By role, to be renamed; and those of sensors whose transport is in their name, by parameter.
+    """
+    bag, sensors = options.bag, options.parameters.sensors
     with BagReader([bag]) as reader:
         roles = find_roles(reader.topics, {})
     if roles.topic("map") is None:
         raise BagError(f"{bag.name}: the recording has no map, and the demo plays no other")
     found = {role: roles.topic(role) for role in _ROLES}
-    return {role: topic for role, topic in found.items() if topic and topic != f"/{role}"}
+    renamed = {role: topic for role, topic in found.items() if topic and topic != f"/{role}"}
+    others = [kind for role, kind in SENSORS.items() if role not in _ROLES]
+    named: dict[str, tuple[str, ...]] = {
+        f"sensors.{kind.parameter}": (topic,)
+        for kind in others
+        if kind.is_by_role(sensors) and (topic := roles.topic(kind.role))
+    }
+    return renamed, named
 
 
 def _play_options(options: DemoOptions) -> PlayOptions:
@@ -125,14 +140,16 @@ def _play_options(options: DemoOptions) -> PlayOptions:
     )
 
 
-def _node_command(options: DemoOptions, remaps: Mapping[str, str]) -> list[str]:
+def _node_command(
+    options: DemoOptions, remaps: Mapping[str, str], sensors: Sequence[str]
+) -> list[str]:
     command = [sys.executable, "-m", "are_ros", "node", "--use-sim-time"]
     command += ["--params", str(options.out / "effective.yaml"), "--ros-args"]
     for role, topic in remaps.items():
         command += ["-r", f"{role}:={topic}"]
     if options.lockstep:
-        for role in ("odom", "scan", "camera/camera_info"):
-            topic = remaps.get(role, f"/{role}")
+        roles = ("odom", "scan", "camera/camera_info")
+        for topic in (*(remaps.get(role, f"/{role}") for role in roles), *sensors):
             command += ["-p", f"qos_overrides.{topic}.subscription.reliability:=reliable"]
         for name in _LATCHED:
             depth = f"qos_overrides.{NODE}/{name}.publisher.depth:={_LATCHED_DEPTH}"

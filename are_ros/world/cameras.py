@@ -275,6 +275,11 @@ class PinholeView:
 
     def rays_to_depth(self) -> npt.NDArray[np.float64]:
         """Return the rays to 1 m of depth, float64 (height, width, 3); NaN where there is none."""
+        rays: npt.NDArray[np.float64] = self._rays_to_depth.copy()
+        return rays
+
+    @cached_property
+    def _rays_to_depth(self) -> npt.NDArray[np.float64]:
         slopes = self._slopes()
         rays = np.concatenate((slopes, np.ones((*slopes.shape[:2], 1))), axis=2)
         turned: npt.NDArray[np.float64] = rays @ self._rotation()

@@ -12,6 +12,9 @@ from tests.ros import import_rclpy_quietly, is_ros_available, running_s
 PLAYED_S = 15
 
 
+WITHOUT_IMAGES = ("--set", "sensors.images:=[]", "--set", "sensors.depths:=[]")
+
+
 @pytest.fixture(scope="session")
 def lockstep_run(ros_available: None, tmp_path_factory: pytest.TempPathFactory) -> Path:  # noqa: ARG001
     """Return the results of `are demo --lockstep` on the first seconds of the sample."""
@@ -24,11 +27,14 @@ def lockstep_run(ros_available: None, tmp_path_factory: pytest.TempPathFactory) 
 
 @pytest.fixture(scope="session")
 def free_run(ros_available: None, tmp_path_factory: pytest.TempPathFactory) -> Path:  # noqa: ARG001
-    """Return the results of `are demo` on the same seconds, at a rate and with no lockstep."""
+    """Return the results of `are demo` on the same seconds, at a rate and with no lockstep.
+
+    Without images: the first one that is painted takes most of a second, which is three of these.
+    """
     return made_once(
         tmp_path_factory,
         "demo_at_a_rate",
-        lambda folder: run_demo(folder, "--rate", 3, "--duration", PLAYED_S),
+        lambda folder: run_demo(folder, "--rate", 3, "--duration", PLAYED_S, *WITHOUT_IMAGES),
     )
 
 

@@ -44,7 +44,11 @@ def test_the_folder_is_complete(lockstep_run: Path) -> None:
     assert "active: artefacts arrive" in (lockstep_run / "node.log").read_text()
     values = with_values(Parameters(), read_ros_parameters(lockstep_run / "effective.yaml"))
     assignments = [word for word in MANY if ":=" in word]
-    assert values == effective_parameters([SAMPLE.with_suffix(".yaml")], assignments, 10)
+    expected = effective_parameters([SAMPLE.with_suffix(".yaml")], assignments, 10)
+    images = "/camera/image_raw/compressed"
+    depths = "/camera/depth_raw/compressedDepth"
+    named = {"sensors.images": (images,), "sensors.depths": (depths,)}
+    assert values == with_values(expected, named)
 
 
 @pytest.mark.parametrize("run", ["lockstep_run", "free_run"])
@@ -77,7 +81,7 @@ def test_it_says_what_happened(lockstep_run: Path) -> None:
     """What was played, the summary of the recording, and where things are."""
     said = said_by(lockstep_run).splitlines()
     assert "starting the node (kernels compile for a minute or two the first time)" in said
-    assert "played       1353 messages on 7 topics" in said
+    assert "played       1363 messages on 9 topics" in said
     summary = summary_of(lockstep_run / "augmented.mcap")
     first = said.index(summary[0])
     assert said[first : first + len(summary)] == summary

@@ -22,6 +22,8 @@ OUTPUTS = {
     *("artefacts", "perceived", "metrics", "events", "markers", "scan"),
     *("augmented_map", "augmented_map_updates", "augmented_costmap"),
     *("artefact_map", "artefact_map_updates", "augmented_octomap"),
+    *("camera/image/compressed", "camera/camera_info"),
+    *("depth/image/compressedDepth", "depth/camera_info"),
 }
 
 HAPPENED = {
