@@ -64,11 +64,15 @@ def test_the_committed_recording_is_what_the_program_makes(fresh: Path) -> None:
 
 
 def test_a_replay_lacks_nothing_in_it() -> None:
-    """Every role it has is found by name, and the frames from map to base are there."""
+    """Every role is found, images as the only ones; and the frames from map to base are there."""
     with BagReader([SAMPLE]) as reader:
         inspection = inspect_bag(reader)
     assert inspection.missing == ()
-    assert inspection.roles.sentences() == ()
+    said = inspection.roles.sentences()
+    assert [(line.partition(":")[0], line.endswith("is used")) for line in said] == [
+        ("depth", True),
+        ("image", True),
+    ]
     assert (inspection.map_frame, inspection.base_frame) == ("map", "base_footprint")
     assert SAMPLE.stat().st_size < 3e6
 
