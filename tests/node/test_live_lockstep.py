@@ -10,6 +10,7 @@ import pytest
 from are_ros.bag.reader import BagReader
 from are_ros.bag.roles import RolesFound, find_roles
 from are_ros.builder.assembly import catalogue_of
+from are_ros.builder.tick import Demand
 from are_ros.messages.feed import RawMessage
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.parameters.declaration import with_values
@@ -26,6 +27,8 @@ ROLES = (
     "odom",
     "scan",
     "camera/camera_info",
+    "image",
+    "depth",
     "tf",
     "tf_static",
 )
@@ -74,7 +77,7 @@ def parameters() -> Parameters:
 def replayed(parameters: Parameters, tmp_path_factory: pytest.TempPathFactory) -> Outputs:
     """Return what `are replay` writes of the sample, by output."""
     bag, out = BAGS / "sample_office.mcap", tmp_path_factory.mktemp("replay")
-    options = ReplayOptions((bag,), parameters, out=out)
+    options = ReplayOptions((bag,), parameters, out=out, demand=Demand(octomap=True))
     run_replay(options, lambda _: None, lambda _begin, _end: lambda _now: None)
     outputs: Outputs = defaultdict(list)
     with BagReader([out / AUGMENTED]) as reader:
