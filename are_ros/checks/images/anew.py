@@ -4,6 +4,7 @@ Shares no code with what it judges: numpy only. It is slow, and there is nothing
 be quick: each triangle against each pixel whose ray could meet it.
 """
 
+import itertools
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
@@ -19,12 +20,19 @@ Floats = NDArray[np.float64]
 _NEAR_M: Final = 1e-3
 _GRAZING_M: Final = 1e-4
 
+_BESIDE: Final = 2e-5
+"""Rays so far beside one of a pixel, per metre of depth, are as good: about a hundredth of a pixel.
+At an edge they may meet something else, and rounding decides."""
+
+_ALIKE: Final = 1e-4
+"""Depths on a slope that such rays meet differ by such a share."""
+
 
 class Difference(NamedTuple):
     """How an image differs from the one computed anew: numbers of pixels.
 
-    `tested` of them have a ray. `by_a_step` differ by one step of the encoding. `at_edges` have a
-    silhouette or a wall's edge beside them, where rounding decides; `others` differ though not.
+    `tested` of them have a ray. `by_a_step` differ by one step of the encoding. `at_edges` are as
+    a ray has it that is a hundredth of a pixel beside theirs; `others` differ though not.
     The first of those is at `place` (row, column), (-1, -1) if there is none.
     """
 
@@ -110,13 +118,10 @@ def compared(
 
     Pixels without a return, where artefacts are met, are left out if the walls are not known.
     """
-    depths_m, hits_m = real.depths_m, nearest_depths(rays, camera, shapes)
-    is_none = np.isnan(depths_m)
-    limits_m = np.where(is_none, min(range_m, real.farthest_m), depths_m)
-    is_hit = hits_m < limits_m
-    is_doubtful = np.isnan(rays).any(axis=2) | (is_none & (np.abs(hits_m - limits_m) < _GRAZING_M))
-    if (is_hit & is_none).any():
-        _hide(is_hit, is_doubtful, is_none, hits_m, rays, camera, walls)
+    scene = _Scene(camera, shapes, min(range_m, real.farthest_m), walls)
+    hits_m, is_doubtful = scene.hits(rays, real.depths_m)
+    is_hit = np.isfinite(hits_m)
+    is_doubtful |= np.isnan(rays).any(axis=2)
     with np.errstate(invalid="ignore"):
         wanted = np.where(is_hit, real.numbers_of(np.where(is_hit, hits_m, 1.0)), np.nan)
         found = output.numbers.astype(np.float64)
@@ -126,15 +131,61 @@ def compared(
         is_same |= ~is_hit & np.isnan(kept) & np.isnan(found)
         is_near = is_hit & (np.abs(found - wanted) <= 3.0 * step)
     differs = ~is_same & ~is_doubtful
-    by_a_step = differs & is_near
-    at_edges = differs & ~is_near & _edges(is_hit, hits_m)
-    others = differs & ~is_near & ~at_edges
+    by_a_step, others = differs & is_near, differs & ~is_near
+    at_edges = np.zeros_like(others)
+    at_edges[others] = _is_beside(real, output, rays, scene, others)
+    others &= ~at_edges
     place = (-1, -1)
     if others.any():
         row, column = np.argwhere(others)[0].tolist()
         place = row, column
     counts = [int(np.count_nonzero(one)) for one in (~is_doubtful, by_a_step, at_edges, others)]
     return Difference(counts[0], counts[1], counts[2], counts[3], place)
+
+
+class _Scene(NamedTuple):
+    """What rays of a camera meet: the artefacts' triangles, up to a depth, and walls if known."""
+
+    camera: Pose
+    shapes: Sequence[Floats]
+    farthest_m: float
+    walls: Walls | None
+
+    def hits(self, rays: Floats, depths_m: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        """Return the depths (H, W) at which rays meet artefacts, inf where depths (H, W) stay.
+
+        The second array tells where that is doubtful.
+        """
+        hits_m, is_none = nearest_depths(rays, self.camera, self.shapes), np.isnan(depths_m)
+        limits_m = np.where(is_none, self.farthest_m, depths_m)
+        is_hit = hits_m < limits_m
+        is_doubtful = is_none & (np.abs(hits_m - limits_m) < _GRAZING_M)
+        if (is_hit & is_none).any():
+            _hide(is_hit, is_doubtful, is_none, hits_m, rays, self.camera, self.walls)
+        return np.where(is_hit, hits_m, np.inf), is_doubtful
+
+
+def _is_beside(
+    real: DepthFrame,
+    output: DepthFrame,
+    rays: Floats,
+    scene: _Scene,
+    which: NDArray[np.bool_],
+) -> NDArray[np.bool_]:
+    """Return which of some pixels (M,) have the number that a ray close beside theirs has."""
+    depths_m, found = real.depths_m[which][None], output.numbers[which].astype(np.float64)
+    is_kept = found == real.numbers[which]
+    is_beside = np.zeros(len(found), np.bool_)
+    if not len(found):
+        return is_beside
+    for x, y in itertools.product((-_BESIDE, 0.0, _BESIDE), repeat=2):
+        hits_m = scene.hits(rays[which][None] + (x, y, 0.0), depths_m)[0][0]
+        is_hit = np.isfinite(hits_m)
+        numbers = real.numbers_of(np.where(is_hit, hits_m, 1.0))
+        step = 0.0 if real.numbers.dtype.kind == "f" else 0.5
+        is_alike = np.abs(found - numbers) <= step + _ALIKE * np.abs(numbers)
+        is_beside |= np.where(is_hit, is_alike, is_kept)
+    return is_beside
 
 
 def _hide(
@@ -158,14 +209,3 @@ def _hide(
     solid_m = walls.first_solid(starts_m, ways / lengths[:, None], reaches_m + 1.0)
     is_hit[which] = solid_m >= reaches_m
     is_doubtful[which] |= np.abs(solid_m - reaches_m) < _GRAZING_M
-
-
-def _edges(is_hit: NDArray[np.bool_], hits_m: Floats) -> NDArray[np.bool_]:
-    """Return which pixels (H, W) have one beside them that is hit otherwise, or much farther."""
-    depths = np.pad(np.where(is_hit, hits_m, 1e3), 1, mode="edge")
-    height, width = hits_m.shape
-    beside = np.stack(
-        [depths[r : r + height, c : c + width] for r in range(3) for c in range(3)], axis=0
-    )
-    jumps: NDArray[np.bool_] = np.ptp(beside, axis=0) > 0.02
-    return jumps

@@ -83,11 +83,28 @@ def test_a_pixel_that_is_off_is_found(change_mm: int, difference: tuple[int, int
 
 
 def test_what_did_not_become_an_artefact_is_found() -> None:
-    """An output that is the input as it came: the box is missing but for its edges."""
-    real, _ = scene()
-    found = judged(real, real)
-    assert found.others > 30
-    assert found.at_edges > 10
+    """An output that is the input as it came: all of the box is missing."""
+    real, output = scene()
+    assert judged(real, real)[2:4] == (0, int((real.numbers != output.numbers).sum()))
+
+
+@pytest.mark.parametrize(("beside_m", "difference"), [(2e-6, (1, 0)), (1e-3, (0, 1))])
+def test_what_a_ray_close_beside_meets_is_at_an_edge(
+    beside_m: float, difference: tuple[int, int]
+) -> None:
+    """The box begins a little beside the ray of a pixel, or plainly beside it."""
+    ray = rays_of(info(), rectified=False)[12, 12]
+    at_m = ray[0] * 2.8 + beside_m
+    box = box_triangles() * (0.4, 0.3, 0.2) + (at_m + 0.4, 0.0, 3.0)
+    real = frame(np.full((24, 32), 4.0))
+    numbers = real.numbers.copy()
+    is_hit = np.isfinite(nearest_depths(rays_of(info(), rectified=False), HERE, [box]))
+    numbers[is_hit] = 2800
+    assert not is_hit[12, 12]
+    numbers[12, 12] = 2800
+    output = replace(real, numbers=numbers)
+    found = compared(real, output, rays_of(info(), rectified=False), HERE, [box], 10.0, None)
+    assert found[2:4] == difference
 
 
 def test_walls_hide_from_holes_only() -> None:
