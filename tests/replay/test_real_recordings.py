@@ -15,6 +15,7 @@ from are_ros.world.rigid_transform import RigidTransform
 
 RunAre = Callable[..., CompletedProcess[str]]
 
+BAGS = Path(__file__).resolve().parents[2] / "bags"
 JARVIS = "drl-jarvis-hall/"
 HALL = (
     ("--map", Path(JARVIS + "i-108_10mm.yaml")),
@@ -149,6 +150,17 @@ def test_a_whole_real_recording(
     replay_s = json.loads((tmp_path / "timing.json").read_text())["phases_s"]["replay"]
     with capsys.disabled():
         print(f"\n{name}: {length_s:.0f} s in {replay_s:.1f} s")  # noqa: T201 - a figure to read
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("shape", ["box", "mesh"])
+def test_the_whole_sample(run_are: RunAre, tmp_path: Path, shape: str) -> None:
+    """The README's first commands: the whole drive, and all that is checked, images too."""
+    params, options = BAGS / "sample_office.yaml", ("--set", f"sensors.shape:={shape}")
+    words = (BAGS / "sample_office.mcap", "--params", params, "--with-inputs", *options)
+    assert run_are("replay", *words, "--out", tmp_path).returncode == 0
+    assert_checked(run_are, tmp_path)
+    assert "depth images computed anew: passed" in run_are("check", tmp_path).stdout
 
 
 def test_an_edge_stored_the_other_way_round_is_the_same(
