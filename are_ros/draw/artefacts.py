@@ -23,7 +23,7 @@ Floats = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
 
 UNSEEN_ALPHA: Final = 0.34
-GONE_ALPHA: Final = 0.38
+GONE_ALPHA: Final = 0.15
 PATH_PX, SEEN_PATH_PX = 1.8, 4.4
 BEHAVIOUR_PX: Final = 9.5
 JUMP_PATTERN_PX: Final = (0.8, 4.0)

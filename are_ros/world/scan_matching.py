@@ -512,10 +512,6 @@ class ScanMatcher:
         matches.sort(key=lambda match: -match.score)
         return Alignment(matches[0], tuple(matches[1:]), self._slide(cloud, matches))
 
-    def refined(self, cloud: ScanCloud, pose: PlanarPose, reach_m: float) -> Match:
-        """Return the best match near a pose, which may be off by about `reach_m`."""
-        return self._climbed(cloud, pose, reach_m)
-
     def judged(self, cloud: ScanCloud, pose: PlanarPose) -> tuple[Floats, npt.NDArray[np.uint8]]:
         """Return how far each endpoint lies from an occupied cell [m] (N,), and its flag (N,).
 
@@ -544,7 +540,7 @@ class ScanMatcher:
     def _sigma(self, sigma_m: float) -> float:
         return max(sigma_m, self._fine_m)
 
-    def _climbed(self, cloud: ScanCloud, pose: PlanarPose, reach_m: float = 0.0) -> Match:
+    def _climbed(self, cloud: ScanCloud, pose: PlanarPose) -> Match:
         """Climb from a pose by ever smaller steps along x, y and yaw, about the cloud's middle."""
         thin = cloud.thinned(0.5 * NEAR_M, _FINE_POINTS)
         middle = thin.endpoints_m.mean(axis=0)
@@ -552,8 +548,7 @@ class ScanMatcher:
         points = thin.endpoints_m - middle
         radius_m = max(float(np.hypot(*points.T).mean()), self._cell_m)
         at = np.array(self._map_from_part.inverse().after(pose).after(about))
-        step_m = max(0.5 * self._cell_m, reach_m)
-        sigma_m = max(_SEARCH_SIGMA_M, reach_m)
+        step_m, sigma_m = 0.5 * self._cell_m, _SEARCH_SIGMA_M
 
         def value(x_m: float, y_m: float, yaw: float) -> float:
             sigma = self._sigma(sigma_m)
