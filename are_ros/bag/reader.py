@@ -19,7 +19,6 @@ from are_ros.messages.odometry import OdometryNumbers, read_odometry_numbers
 from are_ros.messages.transforms import (
     StampedTransform,
     decode_transforms_cdr,
-    decode_transforms_ros1,
     is_plain_cdr,
     read_transforms,
 )
@@ -358,9 +357,7 @@ class BagReader:
     def transforms(self, message: BagMessage) -> list[StampedTransform]:
         """Return the transforms of a TFMessage; as `deserialize` and `read_transforms`, quicker."""
         try:
-            if self.is_ros1:
-                return decode_transforms_ros1(message.data)
-            if is_plain_cdr(message.data):
+            if not self.is_ros1 and is_plain_cdr(message.data):
                 return decode_transforms_cdr(message.data)
         except (StructError, UnicodeDecodeError) as cause:
             raise _malformed(message, cause) from cause

@@ -165,9 +165,6 @@ def _converted_field(factory: MessageFactory, value: Any, description: Any) -> A
 # Message types beyond ROS 2 Jazzy's own: read from the .msg texts of the installed packages.
 
 
-_NO_HASH = f"RIHS01_{'0' * 64}"
-
-
 class InstalledTypes:
     """A typestore that reads unknown types from share/<package>/msg.
 
@@ -193,15 +190,6 @@ class InstalledTypes:
                 wanted += _nested(learnt[name])
         if learnt:
             self.store.register(learnt)
-
-    def is_as_published(self, type_name: str, type_hash: str) -> bool:
-        """Return whether a publisher's type hash is that of the definition known here.
-
-        Publishers without a hash, as of older middlewares, are accepted.
-        """
-        if not type_hash.startswith("RIHS01_") or type_hash == _NO_HASH:
-            return True
-        return bool(type_hash == self.store.hash_rihs01(type_name))
 
     def _parse(self, type_name: str) -> dict[str, Any]:
         text = self._text_of(type_name)

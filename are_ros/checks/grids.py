@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from are_ros.bag.decoded import Grid, GridUpdate, Scene
 from are_ros.bag.recording import PREFIX
+from are_ros.checks.certainty import PerceivedPlaces
 from are_ros.checks.oracle.inflation import Costs, Inflation
 from are_ros.checks.oracle.plane import Outline
 from are_ros.checks.oracle.solids import SURE, Cover, RealMap, are_same, layer
 from are_ros.checks.overlaps import covers_by_tick
-from are_ros.checks.perception.certainty import PerceivedPlaces
 from are_ros.checks.record import GridMessage, Record, real_map
 from are_ros.checks.result import CheckResult, Tally, at_s, skipped
 from are_ros.conventions import NS_PER_S, OCCUPIED, seconds_to_ns

@@ -11,17 +11,17 @@ from are_ros.bag.recording import (
     PREFIX,
     find_recording,
 )
+from are_ros.checks.certainty import check_certainty, check_predicted
 from are_ros.checks.file import check_files
 from are_ros.checks.grids import check_grids
 from are_ros.checks.markers import check_marker_fading, check_marker_rules, check_marker_state
 from are_ros.checks.oracle.solids import RealMap
 from are_ros.checks.overlaps import check_clutter, check_neighbours, check_robot, check_walls
-from are_ros.checks.perception.certainty import check_certainty, check_predicted
-from are_ros.checks.perception.sightings import check_perceived, check_sight_events
 from are_ros.checks.record import Reading
 from are_ros.checks.result import CheckResult, Outcome, merged
 from are_ros.checks.sensors.octomap import check_octomap
 from are_ros.checks.sensors.scans import check_depths, check_scans
+from are_ros.checks.sightings import check_perceived, check_sight_events
 from are_ros.checks.ticks import (
     check_farewells,
     check_lives,

@@ -14,7 +14,6 @@ import numpy.typing as npt
 from are_ros.agents.events import EventKind
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.artefacts import (
-    Look,
     Outline,
     draw_artefact,
     following_stretches,
@@ -42,13 +41,11 @@ from are_ros.draw.sheet import (
     Entry,
     Label,
     Labels,
-    dark_pixels,
     dashed_sign,
     draw_row,
     id_text,
     line_sign,
     patch_sign,
-    point_to_box,
     ring_sign,
     robot_sign,
     row_width_px,
@@ -260,7 +257,6 @@ class Frames:
         self._ground.pixels[HEADER_PX : height - self.footer_px] = PAPER
         draw_map(self._ground, self.view, grid, part)
         self._ground.pixels[height - self.footer_px :] = WHITE
-        self._is_wall = dark_pixels(self._ground.pixels)
         self.forget()
         draw_legend(self._ground, *self.legend())
 
@@ -277,8 +273,8 @@ class Frames:
         """Begin anew: labels may be anywhere."""
         width, height = self.size_px
         inside = (0.0, HEADER_PX, float(width), float(height - self.footer_px))
-        self._labels = Labels(self._is_wall, inside, _LABEL_PX)
-        self._tags = Labels(self._is_wall, inside, _LABEL_PX + 1)
+        self._labels = Labels(inside, _LABEL_PX)
+        self._tags = Labels(inside, _LABEL_PX + 1)
 
     def picture(self, stamp_ns: int) -> Image:
         """Return the picture (h, w, 3), RGB, at the stamp of a tick."""
@@ -292,10 +288,8 @@ class Frames:
         self._draw_robot_path(canvas, stamp_ns)
         for actor in actors:
             _draw_tail(canvas, actor)
-        for is_perceived, look in ((False, Look.TRANSLUCENT), (True, Look.OPAQUE)):
-            for actor in actors:
-                if actor.is_perceived == is_perceived:
-                    draw_artefact(canvas, actor.outline, actor.colour, look)
+        for actor in sorted(actors, key=lambda actor: actor.is_perceived):
+            draw_artefact(canvas, actor.outline, actor.colour, is_opaque=actor.is_perceived)
         self._draw_following(canvas, actors, stamp_ns)
         taken = self._draw_robot(canvas, stamp_ns)
         self._draw_flashes(canvas, stamp_ns)
@@ -399,12 +393,10 @@ class Frames:
         for placed in self._labels.place(labels, [*boxes.values()], taken):
             actor = by_number[placed.label.key]
             colour = INK if actor.is_perceived else mixed(INK, 0.62)
-            point_to_box(canvas, placed, actor.outline.nose_px[0], colour)
             canvas.text(placed.text, placed.place[:2], _LABEL_PX, colour)
         for placed in tags:
             actor = by_number[placed.label.key]
             if actor.news is not None:
-                point_to_box(canvas, placed, actor.outline.nose_px[0], actor.news.colour)
                 canvas.tag(placed.text, _padded(placed.place), _LABEL_PX + 1, actor.news.colour)
 
     def _draw_clock(self, canvas: Canvas, actors: Sequence[_Actor], stamp_ns: int) -> None:

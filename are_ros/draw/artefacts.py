@@ -2,10 +2,8 @@
 
 import math
 import re
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from enum import Enum
 from itertools import groupby
 from operator import itemgetter
 from typing import Final
@@ -19,18 +17,16 @@ from are_ros.draw.canvas import Canvas
 from are_ros.draw.map import View
 from are_ros.draw.palette import CONTACT, DISPLACED, DISPLACED_EDGE, WHITE, Rgb, mixed, shade_of
 from are_ros.draw.scene import Doing, Life, SceneRecord
-from are_ros.draw.sheet import Entry, mark_sign
 from are_ros.population.departures import Cause
 
 Floats = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]
 
 UNSEEN_ALPHA: Final = 0.34
-GONE_ALPHA: Final = 0.38
+GONE_ALPHA: Final = 0.15
 PATH_PX, SEEN_PATH_PX = 1.8, 4.4
 BEHAVIOUR_PX: Final = 9.5
 JUMP_PATTERN_PX: Final = (0.8, 4.0)
-FOLLOWING_PATTERN_PX: Final = (1.2, 4.4)
 CONTACT_MARK: Final = ("burst", 15.0, CONTACT, WHITE)
 DISPLACED_MARK: Final = ("lozenge", 12.0, DISPLACED, DISPLACED_EDGE)
 """Name, size [px], face and edge."""
@@ -42,21 +38,9 @@ _MOST_VERTICES: Final = 500
 _CROWD: Final = 18
 """With more paths than this lines get thinner."""
 _MOVED_M: Final = 0.3
-_ARROW_EVERY_PX: Final = 103.0
-_ARROW_PX: Final = 7.7
-_RUNGS: Final = 6
-_LONGEST_RUNG_M: Final = 2.2
 _FOLLOWS: Final = re.compile(r"(?:following|waiting behind) artefact (\d+)")
 _SHORTEST_NS: Final = 2 * NS_PER_S
 """A shorter stretch, as between two moments of giving way, would only be clutter in a picture."""
-
-
-class Look(Enum):
-    """How a footprint is filled."""
-
-    OPAQUE = "opaque"
-    TRANSLUCENT = "translucent"
-    HATCHED = "hatched"
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,21 +66,17 @@ def outline_of(
 
 
 def draw_artefact(
-    canvas: Canvas, outline: Outline, colour: Rgb, look: Look, alpha: float = 1.0
+    canvas: Canvas, outline: Outline, colour: Rgb, *, is_opaque: bool, alpha: float = 1.0
 ) -> None:
-    """Draw a footprint with the line to its front."""
+    """Draw a footprint, opaque or translucent, with the line to its front."""
     corners = outline.corners_px
-    if look is Look.OPAQUE:
+    if is_opaque:
         canvas.fill(corners, colour, alpha)
         canvas.line(corners, mixed(colour, 0.75, (0, 0, 0)), 1.0, alpha, closed=True)
         canvas.line(outline.nose_px, WHITE, 2.0, alpha)
         return
-    if look is Look.TRANSLUCENT:
-        canvas.fill(corners, colour, UNSEEN_ALPHA * alpha)
-        edge = mixed(colour, 0.6)
-    else:
-        canvas.hatch(corners, colour, alpha)
-        edge = colour
+    canvas.fill(corners, colour, UNSEEN_ALPHA * alpha)
+    edge = mixed(colour, 0.6)
     canvas.line(corners, edge, 1.0 if canvas.fine == 1 else 1.5, alpha, closed=True)
     canvas.line(outline.nose_px, edge, 1.0 if canvas.fine == 1 else 2.0, alpha)
 
@@ -109,20 +89,6 @@ def is_gone(life: Life, end_ns: int) -> bool:
 def behaviour_of(life: Life) -> str:
     """Return what an artefact came to do, empty if that is not known."""
     return life.doings[0].behaviour if life.doings else ""
-
-
-def behaviour_counts(behaviours: Sequence[str]) -> dict[str, int]:
-    """Return how often each behaviour is there, the most frequent first."""
-    counts = Counter(filter(None, behaviours))
-    return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
-
-
-def behaviour_entries(counts: Mapping[str, int], marks: Mapping[str, str]) -> list[Entry]:
-    """Return an entry for each behaviour, with its count."""
-    return [
-        Entry(f"{name}  {count}", mark_sign(marks[name], BEHAVIOUR_PX, edge_px=1.5))
-        for name, count in counts.items()
-    ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,14 +145,11 @@ def draw_paths(
     paths: Sequence[Path],
     colours: Mapping[str, Rgb],
     marks: Mapping[str, str],
-    *,
-    is_detailed: bool = True,
 ) -> None:
     """Draw all paths; those never perceived lie below the others, and are paler.
 
-    A path fades in from its beginning and is thick where its artefact was perceived. It has
-    arrowheads, and a mark at its beginning tells the behaviour; both can be left out where there
-    are too many.
+    A path fades in from its beginning and is thick where its artefact was perceived. A mark at its
+    beginning tells the behaviour.
     """
     thin = min(1.0, math.sqrt(_CROWD / max(len(paths), 1)))
     order = sorted(paths, key=lambda path: path.is_perceived)
@@ -194,9 +157,7 @@ def draw_paths(
         colour = shade_of(colours[path.class_name], path.artefact_id)
         if path.length_m > _MOVED_M or path.is_jump.any():
             _draw_line(canvas, view, path, colour, thin)
-            if is_detailed:
-                _draw_arrows(canvas, view, path, colour)
-    for path in order if is_detailed else ():
+    for path in order:
         colour = shade_of(colours[path.class_name], path.artefact_id)
         place, mark = view.pixels(path.points_m[0]), marks.get(path.behaviour, "disc")
         alpha = 1.0 if path.is_perceived else 0.75
@@ -217,26 +178,6 @@ def _draw_line(canvas: Canvas, view: View, path: Path, colour: Rgb, thin: float)
         canvas.dashes(start, end, colour, 1.4, 0.7, JUMP_PATTERN_PX)
 
 
-def _draw_arrows(canvas: Canvas, view: View, path: Path, colour: Rgb) -> None:
-    """Set arrowheads at even distances along the path."""
-    points = view.pixels(path.points_m)
-    steps = np.diff(points, axis=0)
-    lengths = np.where(path.is_jump, 0.0, np.linalg.norm(steps, axis=1))
-    travelled = np.cumsum(lengths)
-    low, high = _fade_of(path)
-    for place in np.arange(0.6 * _ARROW_EVERY_PX, travelled[-1], _ARROW_EVERY_PX).tolist():
-        i = int(np.searchsorted(travelled, place))
-        share = (place - (travelled[i] - lengths[i])) / lengths[i]
-        head = points[i] + share * steps[i] + _head(steps[i] / lengths[i])
-        canvas.fill(head, colour, low + (high - low) * place / travelled[-1])
-
-
-def _head(forward: Floats) -> Floats:
-    left = np.array((-forward[1], forward[0]))
-    tips = ((0.75, 0.0), (-0.55, 0.52), (-0.25, 0.0), (-0.55, -0.52))
-    return _ARROW_PX * np.array([a * forward + b * left for a, b in tips])
-
-
 @dataclass(frozen=True, eq=False)
 class Following:
     """A follower behind its leader, from `start_ns` to `end_ns`."""
@@ -245,12 +186,6 @@ class Following:
     leader: Life
     start_ns: int
     end_ns: int
-
-    def instants(self, count: int) -> Stamps:
-        """Return `count` stamps (count,) spread evenly over the inside of the stretch."""
-        shares = (np.arange(count) + 0.5) / count
-        length_ns = self.end_ns - self.start_ns
-        return self.start_ns + np.rint(shares * length_ns).astype(np.int64)
 
 
 def following_stretches(lives: Sequence[Life], end_ns: int) -> list[Following]:
@@ -262,26 +197,6 @@ def following_stretches(lives: Sequence[Life], end_ns: int) -> list[Following]:
         for leader_id, start_ns, stop_ns in _stretches(life, end_ns)
         if leader_id in standing
     ]
-
-
-def draw_following(
-    canvas: Canvas, view: View, found: Sequence[Following], colours: Mapping[str, Rgb]
-) -> None:
-    """Join followers and leaders by a few dotted rungs."""
-    for company in found:
-        stamps = company.instants(_RUNGS)
-        behind, ahead = (_positions_at(one, stamps) for one in (company.follower, company.leader))
-        follower = company.follower
-        colour = shade_of(colours[follower.row.class_name], follower.artefact_id)
-        near = np.linalg.norm(ahead - behind, axis=1) <= _LONGEST_RUNG_M
-        for start, end in zip(view.pixels(behind[near]), view.pixels(ahead[near]), strict=True):
-            canvas.dashes(start, end, colour, 1.8, 0.9, FOLLOWING_PATTERN_PX)
-
-
-def _positions_at(life: Life, stamps_ns: Stamps) -> Floats:
-    """Return where an artefact stood (N, 2) at stamps (N,), held outside; it must have a pose."""
-    after = np.searchsorted(life.footprints.stamps_ns, stamps_ns, side="right")
-    return life.footprints.poses[np.maximum(after - 1, 0), :2]
 
 
 def _stretches(life: Life, end_ns: int) -> Iterator[tuple[int, int, int]]:

@@ -22,7 +22,6 @@ Rectangle = tuple[float, float, float, float]
 _SHIFT: Final = 4
 _ALPHA_STEPS: Final = 32
 """Pieces of a line whose opacity differs by less than one such step are drawn as one."""
-_STRIPES_PX: Final = 5.0
 _HALO: Final = 0.85
 
 
@@ -57,12 +56,14 @@ class Canvas:
 
     def fill(self, corners_px: Floats, colour: Rgb, alpha: float = 1.0) -> None:
         """Fill a polygon (N, 2) with an opacity."""
-        self._cover(corners_px, colour, alpha)
+        import cv2
 
-    def hatch(self, corners_px: Floats, colour: Rgb, alpha: float = 1.0) -> None:
-        """Fill a polygon (N, 2) with white, and with stripes from its lower left on."""
-        self._cover(corners_px, WHITE, 0.8 * alpha)
-        self._cover(corners_px, colour, alpha, is_striped=True)
+        part, offset_px = self._part(corners_px, 0.0)
+        if not part.size:
+            return
+        mask: Image = np.zeros(part.shape[:2], dtype=np.uint8)
+        cv2.fillPoly(mask, [self._fixed(corners_px - offset_px)], 255, cv2.LINE_AA, _SHIFT)
+        _blend(part, mask, colour, alpha)
 
     def tint(self, outlines_px: Sequence[Floats], colour: Rgb, alpha: float) -> None:
         """Fill the union of polygons (N, 2), evenly however many overlap."""
@@ -210,22 +211,6 @@ class Canvas:
         left, top, right, bottom = place
         corners = np.array(((left, top), (right, top), (right, bottom), (left, bottom)))
         self.line(corners, EDGE, 1.0, closed=True)
-
-    def _cover(
-        self, corners_px: Floats, colour: Rgb, alpha: float, *, is_striped: bool = False
-    ) -> None:
-        import cv2
-
-        part, offset_px = self._part(corners_px, 0.0)
-        if not part.size:
-            return
-        mask: Image = np.zeros(part.shape[:2], dtype=np.uint8)
-        cv2.fillPoly(mask, [self._fixed(corners_px - offset_px)], 255, cv2.LINE_AA, _SHIFT)
-        if is_striped:
-            rows, columns = np.indices(mask.shape)
-            along = (rows + columns - mask.shape[0]) / (self.fine * _STRIPES_PX * 1.414)
-            mask[along % 1.0 > 0.3] = 0
-        _blend(part, mask, colour, alpha)
 
     def _part(self, points_px: Floats, width_px: float) -> tuple[Image, Floats]:
         """Return the part of the canvas about points (N, 2), and where its corner lies (2,)."""

@@ -1,7 +1,7 @@
 """Pictures on a map: overview.png of a run, and align.png of laser scans at their places."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path as File
@@ -17,33 +17,25 @@ from are_ros.draw.artefacts import (
     BEHAVIOUR_PX,
     CONTACT_MARK,
     DISPLACED_MARK,
-    FOLLOWING_PATTERN_PX,
     GONE_ALPHA,
     PATH_PX,
     SEEN_PATH_PX,
-    Look,
-    Outline,
-    Path,
-    behaviour_counts,
-    behaviour_entries,
+    UNSEEN_ALPHA,
     behaviour_of,
     contacts,
     displacements,
     draw_artefact,
-    draw_following,
     draw_paths,
-    following_stretches,
     forced,
     is_gone,
     mark_places,
     outline_of,
     path_of,
 )
-from are_ros.draw.canvas import Canvas, Rectangle, bounds_of
+from are_ros.draw.canvas import Canvas, bounds_of
 from are_ros.draw.map import View, draw_map, known_part, window_of, with_furniture
 from are_ros.draw.palette import (
     CONTACT,
-    END,
     GREY,
     ROBOT,
     SEEN,
@@ -54,15 +46,11 @@ from are_ros.draw.palette import (
     time_colour,
 )
 from are_ros.draw.robot import (
-    Fan,
     draw_ever_seen,
     draw_robot,
     draw_robot_path,
-    draw_view,
     fan_at,
-    robot_outline,
     spread_indices,
-    telling_indices,
     time_fractions,
     walls_of,
 )
@@ -72,17 +60,10 @@ from are_ros.draw.sheet import (
     Label,
     Labels,
     Sheet,
-    beside,
-    contains,
-    dark_pixels,
-    dashed_sign,
-    hatched_sign,
     id_text,
-    is_free,
     line_sign,
     mark_sign,
     patch_sign,
-    point_to_box,
 )
 from are_ros.wording import counted
 from are_ros.world.occupancy_grid import OccupancyGrid
@@ -90,29 +71,8 @@ from are_ros.world.voxel_map import VoxelMap
 
 Floats = npt.NDArray[np.float64]
 
-_SHOWN_FANS: Final = 3
 _SWEPT_FANS: Final = 60
-_FAN_ALPHA: Final = 0.11
 _LABEL_PX: Final = 12
-_MOST_LABELS: Final = 300
-_PATH_POINTS: Final = 400
-_TAG_PX: Final = (44.0, 21.0)
-_TAG_TEXT_PX: Final = 13
-_TAG_GAP_PX: Final = 4.0
-_TAG_SIDES: Final = ((0, 1), (0, -1), (1, 0), (-1, 0))
-
-
-@dataclass(frozen=True, eq=False)
-class _Drawn:
-    """An artefact where it ended, on the canvas."""
-
-    life: Life
-    outline: Outline
-    is_gone: bool
-
-    @property
-    def box(self) -> Rectangle:
-        return bounds_of(self.outline.corners_px)
 
 
 def draw_overview(
@@ -127,104 +87,34 @@ def draw_overview(
     """Write the picture of a run over its map, as PNG; the same input gives the same bytes.
 
     It shows the known part of the map, what stands there by the octomap (`voxels`, if there is
-    one), the robot's path, some of its fields of view as far as the octomap at the camera's height,
-    or else the walls of the map, and taller artefacts let them reach, and each artefact where it
-    ended, with the path that it went. `ids_as_in` names where a reader finds the ids again.
+    one), what was in view at some time (as far as the octomap at the camera's height, or else the
+    walls of the map, and taller artefacts let the camera see), the robot's path, and each artefact
+    where it ended, with the path that it went. `ids_as_in` names where a reader finds the ids
+    again.
     """
-    _Overview(record, grid, occupied_threshold, voxels).write(path, ids_as_in)
-
-
-class _Overview:
-    """The picture in its stages; each one draws upon those before."""
-
-    def __init__(
-        self,
-        record: SceneRecord,
-        grid: OccupancyGrid,
-        occupied_threshold: int,
-        voxels: VoxelMap | None,
-    ) -> None:
-        """Lay out the sheet, and draw the map."""
-        part = known_part(grid)
-        shown_cells = part if voxels is None else with_furniture(grid, part, voxels)
-        self._record = record
-        self._end_ns = int(record.series.stamps_ns[-1]) if len(record.series.stamps_ns) else 0
-        self._standing = _in_drawing_order(record.lives, self._end_ns)
-        moved = displacements(record.events)
-        self._paths = [path_of(life, moved.get(life.artefact_id, ())) for life in self._standing]
-        self._following = following_stretches(record.lives, self._end_ns)
-        self._colours = class_colours([life.row.class_name for life in record.lives])
-        self._marks = behaviour_marks([path.behaviour for path in self._paths])
-        has_following = bool(self._following)
-        legends = _legends(record, self._colours, self._marks, has_following=has_following)
-        self._sheet = Sheet.of(window_of(grid, part, _extent_m(record, self._standing)), legends)
-        self._canvas, self._view = self._sheet.canvas, self._sheet.view
-        self._walls = walls_of(grid, occupied_threshold, voxels)
-        draw_map(self._canvas, self._view, grid, shown_cells)
-
-    def write(self, path: File, ids_as_in: str) -> None:
-        """Draw everything else, from the ground up, and write the picture."""
-        is_wall = dark_pixels(self._canvas.finished())
-        shown = _draw_fields_of_view(self._sheet, self._record, self._walls)
-        drawn = self._draw_artefacts()
-        robots = _draw_robot(self._sheet, self._record, shown)
-        marks = self._draw_events()
-        _cover(is_wall, [*robots, *_avoided(self._record, self._view, self._paths), *marks])
-        without_id = self._write_texts(drawn, Labels(is_wall, self._view.rectangle, _LABEL_PX))
-        record = self._record
-        duration_s = record.duration_ns / NS_PER_S if len(record.robot) else None
-        subtitle = subtitle_of(record, without_id, ids_as_in)
-        self._sheet.write(path, _title(record), subtitle, duration_s)
-
-    def _draw_artefacts(self) -> list[_Drawn]:
-        """Draw the paths, the links of followers to leaders, and each artefact at its end."""
-        draw_paths(self._canvas, self._view, self._paths, self._colours, self._marks)
-        draw_following(self._canvas, self._view, self._following, self._colours)
-        drawn = []
-        for life in self._standing:
-            outline = outline_of(self._view, life.footprints.poses[-1], life.row.size_m)
-            drawn.append(_Drawn(life, outline, is_gone(life, self._end_ns)))
-            look = Look.OPAQUE if life.is_perceived else Look.HATCHED
-            alpha = GONE_ALPHA if drawn[-1].is_gone else 1.0
-            draw_artefact(self._canvas, outline, self._colours[life.row.class_name], look, alpha)
-        return drawn
-
-    def _draw_events(self) -> list[Rectangle]:
-        """Mark displacements and contacts; return the rectangles of the marks."""
-        found = []
-        kinds = zip(mark_places(self._record), (DISPLACED_MARK, CONTACT_MARK), strict=True)
-        for places, (name, size_px, face, edge) in kinds:
-            for place in self._view.pixels(places):
-                self._canvas.mark(name, place, size_px, face, edge, 1.2)
-                found.append(_square(place, size_px))
-        return found
-
-    def _write_texts(self, drawn: Sequence[_Drawn], labels: Labels) -> int:
-        """Write ids, "start" and "end"; return how many ids found no room."""
-        tags = tag_rectangles(self._record, self._view, [item.box for item in drawn])
-        leaders = {one.follower.artefact_id: one.leader.artefact_id for one in self._following}
-        written = _draw_ids(self._sheet, labels, drawn, tags, leaders)
-        for tag, text, colour in zip(tags, ("start", "end"), (ROBOT, END), strict=False):
-            self._canvas.tag(text, tag, _TAG_TEXT_PX, colour)
-        return len(drawn) - written
-
-
-def tag_rectangles(record: SceneRecord, view: View, taken: Sequence[Rectangle]) -> list[Rectangle]:
-    """Return where "start" and "end" are written [px]; no place without a pose of the robot.
-
-    They are below the robot, or where they meet nothing of `taken`: above or beside it.
-    """
-    poses = record.robot.poses
-    found: list[Rectangle] = []
-    for pose in poses[[0, -1]] if len(poses) > 1 else poses:
-        outline = view.pixels(robot_outline(record.footprint.at(*pose.tolist())))
-        box = bounds_of(outline)
-        around = (beside(box, _TAG_PX, _TAG_GAP_PX, side) for side in _TAG_SIDES)
-        places = [place for place in around if place is not None]
-        others = np.array([*taken, *found], dtype=np.float64).reshape(-1, 4)
-        inside = (place for place in places if contains(view.rectangle, place))
-        found.append(next((place for place in inside if is_free(place, others)), places[0]))
-    return found
+    part = known_part(grid)
+    shown_cells = part if voxels is None else with_furniture(grid, part, voxels)
+    end_ns = int(record.series.stamps_ns[-1]) if len(record.series.stamps_ns) else 0
+    standing = _in_drawing_order(record.lives, end_ns)
+    moved = displacements(record.events)
+    paths = [path_of(life, moved.get(life.artefact_id, ())) for life in standing]
+    colours = class_colours([life.row.class_name for life in record.lives])
+    marks = behaviour_marks([path.behaviour for path in paths])
+    window = window_of(grid, part, _extent_m(record, standing))
+    sheet = Sheet.of(window, _legends(record, colours, marks, end_ns))
+    canvas, view = sheet.canvas, sheet.view
+    draw_map(canvas, view, grid, shown_cells)
+    _draw_ever_seen(sheet, record, walls_of(grid, occupied_threshold, voxels))
+    draw_paths(canvas, view, paths, colours, marks)
+    labels = _draw_artefacts(sheet, standing, colours, end_ns)
+    _draw_robot(sheet, record)
+    _draw_events(sheet, record)
+    placed = Labels(view.rectangle, _LABEL_PX).place(labels, [label.box for label in labels])
+    for one in placed:
+        canvas.text(one.text, one.place[:2], _LABEL_PX)
+    duration_s = record.duration_ns / NS_PER_S if len(record.robot) else None
+    subtitle = subtitle_of(record, len(labels) - len(placed), ids_as_in)
+    sheet.write(path, _title(record), subtitle, duration_s)
 
 
 def _in_drawing_order(lives: Sequence[Life], end_ns: int) -> list[Life]:
@@ -243,91 +133,44 @@ def _extent_m(record: SceneRecord, lives: Sequence[Life]) -> Floats:
     return np.concatenate((record.robot.poses[:, :2], outline, *paths))
 
 
-def _draw_fields_of_view(sheet: Sheet, record: SceneRecord, walls: VoxelField) -> list[Fan]:
-    """Tint what was ever in view; draw a few fields of view, which are returned."""
-
-    def fans(indices: Sequence[int]) -> list[Fan]:
-        found = (fan_at(record, walls, index) for index in indices)
-        return [fan for fan in found if fan is not None]
-
-    draw_ever_seen(sheet.canvas, sheet.view, fans(spread_indices(record, _SWEPT_FANS)))
-    shown = fans(telling_indices(record, _SHOWN_FANS))
-    for fan in shown:
-        colour = time_colour(float(time_fractions(record, fan.stamp_ns)))
-        draw_view(sheet.canvas, sheet.view, fan, colour, _FAN_ALPHA)
-    return shown
+def _draw_ever_seen(sheet: Sheet, record: SceneRecord, walls: VoxelField) -> None:
+    """Tint what was ever in view."""
+    found = (fan_at(record, walls, index) for index in spread_indices(record, _SWEPT_FANS))
+    draw_ever_seen(sheet.canvas, sheet.view, [fan for fan in found if fan is not None])
 
 
-def _draw_robot(sheet: Sheet, record: SceneRecord, shown: Sequence[Fan]) -> list[Rectangle]:
-    """Draw the path, and the robot at its ends and where fields of view begin; return its boxes."""
+def _draw_artefacts(
+    sheet: Sheet, lives: Sequence[Life], colours: Mapping[str, Rgb], end_ns: int
+) -> list[Label]:
+    """Draw each artefact at its end; return its id as a label, those of the perceived first."""
+    labels = []
+    for life in lives:
+        outline = outline_of(sheet.view, life.footprints.poses[-1], life.row.size_m)
+        alpha = GONE_ALPHA if is_gone(life, end_ns) else 1.0
+        colour = colours[life.row.class_name]
+        draw_artefact(sheet.canvas, outline, colour, is_opaque=life.is_perceived, alpha=alpha)
+        box = bounds_of(outline.corners_px)
+        labels.append(Label(life.artefact_id, box, (id_text(life.artefact_id),)))
+    return labels[::-1]
+
+
+def _draw_robot(sheet: Sheet, record: SceneRecord) -> None:
+    """Draw the path, and the robot at both ends of it."""
     track = record.robot
     if not len(track):
-        return []
-    fractions = time_fractions(record, track.stamps_ns)
-    draw_robot_path(sheet.canvas, sheet.view, track, fractions)
-    boxes = []
-    for index in robot_indices(record, shown):
-        colour = time_colour(float(fractions[index]))
-        pose = track.poses[index]
-        outline = draw_robot(sheet.canvas, sheet.view, record.footprint, pose, colour)
-        boxes.append(bounds_of(outline))
-    return boxes
+        return
+    draw_robot_path(sheet.canvas, sheet.view, track, time_fractions(record, track.stamps_ns))
+    for index, fraction in ((0, 0.0), (-1, 1.0)):
+        colour = time_colour(fraction)
+        draw_robot(sheet.canvas, sheet.view, record.footprint, track.poses[index], colour)
 
 
-def robot_indices(record: SceneRecord, shown: Sequence[Fan]) -> list[int]:
-    """Return the poses where the robot is drawn: at its ends, and where fields of view begin."""
-    stamps = record.robot.stamps_ns
-    at_fans = np.searchsorted(stamps, [fan.stamp_ns for fan in shown]).tolist()
-    return sorted({0, len(stamps) - 1, *at_fans} - {len(stamps)}) if len(stamps) else []
-
-
-def _avoided(record: SceneRecord, view: View, paths: Sequence[Path]) -> Iterator[Rectangle]:
-    """Yield what ids had better not cover: the robot's path, and where the others begin."""
-    for point in view.pixels(record.robot.poses[:: max(1, len(record.robot) // _PATH_POINTS), :2]):
-        yield _square(point, 7.0)
-    for path in paths:
-        yield _square(view.pixels(path.points_m[0]), BEHAVIOUR_PX)
-
-
-def _square(middle_px: Floats, side_px: float) -> Rectangle:
-    x, y = middle_px.tolist()
-    half = 0.5 * side_px
-    return x - half, y - half, x + half, y + half
-
-
-def _cover(mask: npt.NDArray[np.bool_], places: Sequence[Rectangle]) -> None:
-    """Set the pixels of rectangles in a mask (height, width)."""
-    for place in places:
-        left, top, right, bottom = (max(round(side), 0) for side in place)
-        mask[top:bottom, left:right] = True
-
-
-def _draw_ids(
-    sheet: Sheet,
-    labels: Labels,
-    drawn: Sequence[_Drawn],
-    taken: Sequence[Rectangle],
-    leaders: Mapping[int, int],
-) -> int:
-    """Write ids beside the artefacts, and return how many found room: first the perceived.
-
-    An id that is far from its artefact is joined to it by a line. `leaders` gives the artefact that
-    a follower followed last.
-    """
-    order = sorted(drawn, key=lambda item: (not item.life.is_perceived, item.is_gone))
-    ends = {item.life.artefact_id: item.outline.nose_px[0] for item in drawn}
-    wanted = []
-    for item in order[:_MOST_LABELS]:
-        number, text = item.life.artefact_id, id_text(item.life.artefact_id)
-        if number in leaders:
-            text += f"\u2192{id_text(leaders[number])}"
-        wanted.append(Label(number, item.box, (text,)))
-    found = labels.place(wanted, [item.box for item in drawn], taken)
-    for placed in found:
-        point_to_box(sheet.canvas, placed, ends[placed.label.key])
-    for placed in found:
-        sheet.canvas.text(placed.text, placed.place[:2], _LABEL_PX)
-    return len(found)
+def _draw_events(sheet: Sheet, record: SceneRecord) -> None:
+    """Mark displacements and contacts."""
+    kinds = zip(mark_places(record), (DISPLACED_MARK, CONTACT_MARK), strict=True)
+    for places, (name, size_px, face, edge) in kinds:
+        for place in sheet.view.pixels(places):
+            sheet.canvas.mark(name, place, size_px, face, edge, 1.2)
 
 
 def _title(record: SceneRecord) -> str:
@@ -355,25 +198,13 @@ def subtitle_of(record: SceneRecord, without_id: int, ids_as_in: str) -> list[st
 
 
 def _legends(
-    record: SceneRecord,
-    colours: Mapping[str, Rgb],
-    marks: Mapping[str, str],
-    *,
-    has_following: bool,
+    record: SceneRecord, colours: Mapping[str, Rgb], marks: Mapping[str, str], end_ns: int
 ) -> list[list[Entry]]:
     """Return the entries for classes, behaviours, and what else there is to see."""
-    rest = [*_artefact_entries(record), *_event_entries(record)]
-    if has_following:
-        rest.append(Entry("following", dashed_sign(GREY, 1.8, FOLLOWING_PATTERN_PX)))
+    rest = [*_artefact_entries(record, end_ns), *_event_entries(record)]
     if len(record.camera):
-        rest.append(Entry("field of view", patch_sign(SEEN, 0.42)))
         rest.append(Entry("in view at some time", patch_sign(SEEN, 0.17)))
-    behaviours = behaviour_counts([behaviour_of(life) for life in record.lives])
-    return [
-        class_entries(record.lives, colours),
-        behaviour_entries(behaviours, marks),
-        rest,
-    ]
+    return [class_entries(record.lives, colours), behaviour_entries(record.lives, marks), rest]
 
 
 def class_entries(lives: Sequence[Life], colours: Mapping[str, Rgb]) -> list[Entry]:
@@ -386,14 +217,22 @@ def class_entries(lives: Sequence[Life], colours: Mapping[str, Rgb]) -> list[Ent
     ]
 
 
-def _artefact_entries(record: SceneRecord) -> list[Entry]:
+def behaviour_entries(lives: Sequence[Life], marks: Mapping[str, str]) -> list[Entry]:
+    """Return an entry for each behaviour with which artefacts came, the most frequent first."""
+    counts = Counter(filter(None, map(behaviour_of, lives)))
+    return [
+        Entry(f"{name}  {count}", mark_sign(marks[name], BEHAVIOUR_PX, edge_px=1.5))
+        for name, count in sorted(counts.items(), key=lambda item: (-item[1], item[0]))
+    ]
+
+
+def _artefact_entries(record: SceneRecord, end_ns: int) -> list[Entry]:
     if not record.lives:
         return []
     entries = [
         Entry("perceived", patch_sign(GREY)),
-        Entry("never perceived", hatched_sign(GREY)),
+        Entry("never perceived", patch_sign(GREY, UNSEEN_ALPHA)),
     ]
-    end_ns = int(record.series.stamps_ns[-1]) if len(record.series.stamps_ns) else 0
     if any(is_gone(life, end_ns) for life in record.lives):
         entries.append(Entry("left", patch_sign(GREY, GONE_ALPHA)))
     if any(len(life.footprints) > 1 for life in record.lives):

@@ -108,24 +108,6 @@ def spread_indices(record: SceneRecord, count: int) -> list[int]:
     return sorted({*spread, len(travelled) - 1})
 
 
-def telling_indices(record: SceneRecord, count: int) -> list[int]:
-    """Return a camera pose of each of `count` parts of the path: one that perceived the most.
-
-    Of several, the one nearest to the middle of its part.
-    """
-    if not len(record.camera):
-        return []
-    travelled = _travelled(record)
-    middles = _middles(travelled, count)
-    part = np.argmin(np.abs(travelled[:, np.newaxis] - middles), axis=1)
-    at = np.searchsorted(record.series.stamps_ns, record.camera.stamps_ns)
-    perceived = record.series.perceived[at]
-    off_middle = np.abs(travelled - middles[part])
-    order = np.lexsort((off_middle, -perceived, part))
-    _, first = np.unique(part[order], return_index=True)
-    return sorted(order[first].tolist())
-
-
 def _travelled(record: SceneRecord) -> Floats:
     """Return what was driven [m] and, of less weight, turned up to each camera pose."""
     x, y, z, w = record.camera.poses[:, 3:].T

@@ -1,7 +1,7 @@
 """What surrounds a map in a picture: title, legend, scales; and the labels written on it."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.draw.canvas import Canvas, Image, Rectangle, text_size
+from are_ros.draw.canvas import Canvas, Rectangle, text_size
 from are_ros.draw.map import View, Window
 from are_ros.draw.palette import FAINT_INK, GREY, INK, PAPER, WHITE, Rgb, time_colour
 from are_ros.population.scenario import FIRST_ADMITTED_ID
@@ -50,16 +50,6 @@ class Entry(NamedTuple):
 def patch_sign(colour: Rgb, alpha: float = 1.0) -> Sign:
     """Return the sign of what is filled."""
     return lambda canvas, x, y: canvas.fill(_box(x, y), colour, alpha)
-
-
-def hatched_sign(colour: Rgb) -> Sign:
-    """Return the sign of what is striped."""
-
-    def draw(canvas: Canvas, x: float, y: float) -> None:
-        canvas.hatch(_box(x, y), colour)
-        canvas.line(_box(x, y), colour, 1.5, closed=True)
-
-    return draw
 
 
 def line_sign(colour: Rgb, width_px: float, alpha: float = 1.0) -> Sign:
@@ -239,7 +229,6 @@ def _widened(window: Window, width_m: float, height_m: float) -> Window:
     return Window(x_m - half[0], x_m + half[0], y_m - half[1], y_m + half[1])
 
 
-Mask = npt.NDArray[np.bool_]
 Side = tuple[int, int]
 
 _SIDES: Final[tuple[Side, ...]] = (
@@ -252,12 +241,7 @@ _SIDES: Final[tuple[Side, ...]] = (
     (1, 1),
     (-1, 1),
 )
-_GAPS_PX: Final = (2.0, 12.0)
-_CLEAR_GAP_PX: Final = 7.0
-"""A label that is farther from its box than this is joined to it by a line."""
-_SHORT_PICTURES: Final = 10
-"""After a longer text found no place it is not tried for so many pictures: it would flicker."""
-_DARK: Final = 200
+_GAP_PX: Final = 2.0
 
 
 @dataclass(frozen=True)
@@ -271,107 +255,56 @@ class Label:
 
 @dataclass(frozen=True)
 class Placed:
-    """A text in its rectangle; `is_unclear`: far from its box, or nearer to another one."""
+    """A text in its rectangle."""
 
     label: Label
     text: str
     place: Rectangle
-    is_unclear: bool
-
-
-@dataclass(frozen=True)
-class _Choice:
-    """Which of the texts, how far from the box, on which side; (0, 0) is upon the box itself."""
-
-    text: int
-    gap_px: float
-    side: Side
 
 
 class Labels:
-    """Places labels, picture by picture; a label keeps its place as long as the place is free."""
+    """Places labels beside their boxes, picture by picture; each keeps its side while it can."""
 
-    def __init__(self, avoided: Mask, inside: Rectangle, size_px: int) -> None:
-        """Take the pixels (height, width) that labels cover only if there is no other place.
-
-        Labels stay `inside`, and their font is `size_px` high.
-        """
-        self._avoided = np.pad(np.cumsum(np.cumsum(avoided, axis=0), axis=1), ((1, 0), (1, 0)))
+    def __init__(self, inside: Rectangle, size_px: int) -> None:
+        """Take the rectangle in which labels stay, and the height of their font."""
         self._inside, self._size_px = inside, size_px
-        self._choices: dict[int, _Choice] = {}
-        self._short_until: dict[int, int] = {}
-        self._pictures = 0
+        self._sides: dict[int, Side] = {}
 
     def place(
-        self, labels: Sequence[Label], boxes: Sequence[Rectangle], taken: Sequence[Rectangle]
+        self,
+        labels: Sequence[Label],
+        boxes: Sequence[Rectangle],
+        taken: Sequence[Rectangle] = (),
     ) -> list[Placed]:
         """Return the labels that find a place; earlier labels choose first.
 
         A label covers no other label, no other box, and no rectangle of `taken`.
         """
-        self._pictures += 1
         found: list[Placed] = []
         hard = np.array([*boxes, *taken], dtype=np.float64).reshape(-1, 4)
         for label in labels:
-            others = hard[(hard != label.box).any(axis=1)]
-            if placed := self._placed(label, others, hard[: len(boxes)]):
+            if placed := self._placed(label, hard[(hard != label.box).any(axis=1)]):
                 found.append(placed)
                 hard = np.vstack((hard, placed.place))
         return found
 
-    def _placed(self, label: Label, others: Floats, boxes: Floats) -> Placed | None:
-        sizes = [text_size(text, self._size_px) for text in label.texts]
-        is_short = self._pictures < self._short_until.get(label.key, 0)
-        first = len(sizes) - 1 if is_short else 0
-        tried = [*_choices(self._choices.get(label.key), first, len(sizes))]
-        for may_cover in (False, True):
-            for choice in tried:
-                place = beside(label.box, sizes[choice.text], choice.gap_px, choice.side)
-                if place is None or not contains(self._inside, place):
-                    continue
-                if is_free(place, others) and (may_cover or not self._is_avoided(place)):
-                    self._remember(label.key, choice, first)
-                    unclear = _is_unclear(place, label.box, boxes)
-                    return Placed(label, label.texts[choice.text], place, unclear)
+    def _placed(self, label: Label, others: Floats) -> Placed | None:
+        kept = self._sides.get(label.key, _SIDES[0])
+        for text in label.texts:
+            size_px = text_size(text, self._size_px)
+            for side in (kept, *_SIDES):
+                place = beside(label.box, size_px, side)
+                if contains(self._inside, place) and is_free(place, others):
+                    self._sides[label.key] = side
+                    return Placed(label, text, place)
         return None
 
-    def _remember(self, key: int, choice: _Choice, first: int) -> None:
-        self._choices[key] = choice
-        if choice.text > first:
-            self._short_until[key] = self._pictures + _SHORT_PICTURES
 
-    def _is_avoided(self, place: Rectangle) -> bool:
-        height, width = (side - 1 for side in self._avoided.shape)
-        left, right = (min(max(round(side), 0), width) for side in place[::2])
-        top, bottom = (min(max(round(side), 0), height) for side in place[1::2])
-        total = self._avoided
-        covered = total[bottom, right] - total[top, right] - total[bottom, left] + total[top, left]
-        return bool(covered > 0)
-
-
-def point_to_box(canvas: Canvas, placed: Placed, end_px: Floats, colour: Rgb = INK) -> None:
-    """Join a label that is unclear to a point (2,) of its box."""
-    if placed.is_unclear:
-        near_px = np.clip(end_px, placed.place[:2], placed.place[2:])
-        canvas.line(np.array((near_px, end_px)), colour, 1.0)
-
-
-def dark_pixels(picture: Image) -> Mask:
-    """Return where a picture (height, width, 3) is as dark as a wall, (height, width)."""
-    dark: Mask = picture.max(axis=2) < _DARK
-    return dark
-
-
-def beside(box: Rectangle, size_px: Sequence[float], gap_px: float, side: Side) -> Rectangle | None:
-    """Return the rectangle of a size on a side of a box; None if it does not fit upon the box."""
+def beside(box: Rectangle, size_px: Sequence[float], side: Side) -> Rectangle:
+    """Return the rectangle of a size on a side of a box."""
     left, top, right, bottom = box
-    width, height = right - left, bottom - top
-    if side == (0, 0) and (size_px[0] > 0.9 * width or size_px[1] > 0.45 * height):
-        return None
-    across = side[0] * (0.5 * (width + size_px[0]) + gap_px)
-    down = side[1] * (0.5 * (height + size_px[1]) + gap_px)
-    # Upon the box, a label is beside the line to its front.
-    down -= 0.25 * height if side == (0, 0) else 0.0
+    across = side[0] * (0.5 * (right - left + size_px[0]) + _GAP_PX)
+    down = side[1] * (0.5 * (bottom - top + size_px[1]) + _GAP_PX)
     x = 0.5 * (left + right - size_px[0]) + across
     y = 0.5 * (top + bottom - size_px[1]) + down
     return x, y, x + size_px[0], y + size_px[1]
@@ -379,11 +312,9 @@ def beside(box: Rectangle, size_px: Sequence[float], gap_px: float, side: Side) 
 
 def is_free(place: Rectangle, taken: Floats) -> bool:
     """Tell whether a rectangle meets none of others (N, 4)."""
-    corner, far = place[:2], place[2:]
-    apart = (np.array(corner) >= taken[:, 2:]).any(axis=1) | (np.array(far) <= taken[:, :2]).any(
-        axis=1
-    )
-    return bool(apart.all())
+    is_after = (np.array(place[:2]) >= taken[:, 2:]).any(axis=1)
+    is_before = (np.array(place[2:]) <= taken[:, :2]).any(axis=1)
+    return bool((is_after | is_before).all())
 
 
 def contains(outer: Rectangle, place: Rectangle) -> bool:
@@ -396,27 +327,3 @@ def id_text(artefact_id: int) -> str:
     """Return an id as short as it can be: requested ones count from s0, not from a billion."""
     requested = artefact_id - FIRST_ADMITTED_ID
     return str(artefact_id) if requested < 0 else f"s{requested}"
-
-
-def _choices(kept: _Choice | None, first: int, count: int) -> Iterator[_Choice]:
-    """Yield what to try, the best first: long texts, where it was, near, beside, upon."""
-    for text in range(first, count):
-        if kept is not None and kept.text == text:
-            yield kept
-        for gap_px in _GAPS_PX:
-            yield from (_Choice(text, gap_px, side) for side in _SIDES)
-        yield _Choice(text, 0.0, (0, 0))
-
-
-def _is_unclear(place: Rectangle, own: Rectangle, boxes: Floats) -> bool:
-    """Tell whether a label is far from its box, or another of the boxes (N, 4) is nearer."""
-    gap_px = float(_gaps_px(place, np.array([own]))[0])
-    return gap_px > min(_CLEAR_GAP_PX, float(_gaps_px(place, boxes).min()) + 1e-9)
-
-
-def _gaps_px(place: Rectangle, boxes: Floats) -> Floats:
-    """Return how far a rectangle is from others (N, 4), 0 where they meet."""
-    low, high = np.array(place[:2]), np.array(place[2:])
-    across = np.maximum(boxes[:, :2] - high, low - boxes[:, 2:])
-    gaps: Floats = np.hypot(*np.maximum(across, 0.0).T)
-    return gaps

@@ -70,7 +70,6 @@ def _make_transform(factory: MessageFactory, transform: StampedTransform) -> Any
 
 _COUNT = Struct("<I")
 _STAMP_AND_LENGTH = Struct("<iII")
-_ROS1_HEADER = Struct("<IIII")
 _POSE = Struct("<7d")
 
 _CDR_LITTLE_ENDIAN = b"\x00\x01"
@@ -100,27 +99,6 @@ def decode_transforms_cdr(data: bytes) -> list[StampedTransform]:
         child = data[position : position + length - 1].decode()
         # Doubles are aligned to 8 bytes from the end of the 4-byte encapsulation header.
         position = ((position + length + 3) & ~7) + 4
-        numbers = _POSE.unpack_from(data, position)
-        position += 56
-        stamp_ns = seconds * NS_PER_S + nanoseconds
-        transforms.append(StampedTransform(parent, child, stamp_ns, numbers[:3], numbers[3:]))
-    return transforms
-
-
-def decode_transforms_ros1(data: bytes) -> list[StampedTransform]:
-    """Return the transforms of a ROS 1 TFMessage (or tf/tfMessage); errors as the other."""
-    (count,) = _COUNT.unpack_from(data, 0)
-    position = 4
-    transforms: list[StampedTransform] = []
-    for _ in range(count):
-        _, seconds, nanoseconds, length = _ROS1_HEADER.unpack_from(data, position)
-        position += 16
-        parent = data[position : position + length].decode()
-        position += length
-        (length,) = _COUNT.unpack_from(data, position)
-        position += 4
-        child = data[position : position + length].decode()
-        position += length
         numbers = _POSE.unpack_from(data, position)
         position += 56
         stamp_ns = seconds * NS_PER_S + nanoseconds

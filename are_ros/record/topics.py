@@ -168,7 +168,6 @@ class PublishedTopic:
 
     name: str
     type_names: tuple[str, ...]
-    type_hashes: tuple[str, ...]
     offered: tuple[OfferedQos, ...]
     publishers: tuple[bytes, ...]
 
@@ -218,7 +217,6 @@ class TopicGraph:
         return PublishedTopic(
             name,
             tuple(sorted({info.topic_type for info in infos})),
-            tuple(sorted({str(info.topic_type_hash) for info in infos})),
             tuple(offered_by(info.qos_profile) for info in infos),
             tuple(bytes(info.endpoint_gid) for info in infos),
         )
@@ -313,22 +311,15 @@ class TopicFollower:
             self._inbox.subscribe(topic.name, kind, qos)
 
     def _say_doubts(self, topic: PublishedTopic, type_name: str) -> None:
-        """Warn once where a publisher has another type, or another definition of it."""
+        """Warn once where a publisher has another type."""
         if topic.name in self._doubted:
             return
         others = [name for name in topic.type_names if name != type_name]
         if others:
+            self._doubted.add(topic.name)
             self._say(
                 f"{topic.name} is also published as {others[0]}: only {type_name} is recorded"
             )
-        elif all(self._types.is_as_published(type_name, text) for text in topic.type_hashes):
-            return
-        else:
-            self._say(
-                f"{topic.name}: a publisher's {type_name} is not the one that is installed here and"
-                " stands in the recording; readers may misunderstand its messages"
-            )
-        self._doubted.add(topic.name)
 
 
 def _only_type(topic: PublishedTopic) -> str:

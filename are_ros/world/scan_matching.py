@@ -1,17 +1,15 @@
 """Where on a map laser scans were taken: a correlative search over the whole map and all headings.
 
-The cloud of scan endpoints is laid onto the map at every pose of a fine lattice; the pose at which
-most endpoints lie on walls, and no beam passes through one, is the answer. Branch and bound (Hess
-et al. 2016, after Olson 2009) finds the best pose of the lattice without trying them all; a
-local search then refines it below a cell.
-
-Poses are (x, y, yaw) of the cloud's reference point, in cells of the search grid and in radians.
+The cloud of scan endpoints is laid onto the map at every pose of a coarse lattice, whose scores are
+correlations (Olson 2009), one for each heading, by the fast Fourier transform. A local search
+refines the best of them below a cell; there, a beam that passes through a wall speaks against a
+pose, too.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -23,17 +21,12 @@ Bytes = npt.NDArray[np.uint8]
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
-FULL: Final = 255
-"""The value of an endpoint on a wall, in the fields of the search."""
 
 FREE_CELL: Final = 0
 WALL_CELL: Final = 1
 UNKNOWN_CELL: Final = 2
 
-_CHECK_EVERY: Final = 8
 _STEP_CELLS: Final = 0.5
-_LEAF_EFFORT: Final = 60
-"""What expanding a node to leaves costs, whose beams are followed, in nodes of other levels."""
 
 
 @compiled
@@ -59,199 +52,6 @@ def crosses_wall(
             leap = max(_STEP_CELLS, cells - 1.5)
         along += leap
     return False
-
-
-@compiled
-def bound_at(
-    field: Bytes, pad: int, outside: int, points: Floats, x: float, y: float, yaw: float, floor: int
-) -> int:
-    """Return the sum of the field over the points (N, 2) at a pose; -1 if not above `floor`.
-
-    `field` is the map's with `pad` cells around; beyond it the value is `outside`.
-    """
-    cosine, sine = np.cos(yaw), np.sin(yaw)
-    total, left = 0, FULL * points.shape[0]
-    x, y = x + pad, y + pad
-    for k in range(points.shape[0]):
-        col = cosine * points[k, 0] - sine * points[k, 1] + x
-        row = sine * points[k, 0] + cosine * points[k, 1] + y
-        if 0.0 <= col < field.shape[1] and 0.0 <= row < field.shape[0]:
-            total += int(field[int(row), int(col)])
-        else:
-            total += outside
-        left -= FULL
-        if k % _CHECK_EVERY == 0 and total + left <= floor:
-            return -1
-    return total if total > floor else -1
-
-
-@compiled
-def score_at(
-    field: Bytes,
-    pad: int,
-    outside: int,
-    clear: Bytes,
-    points: Floats,
-    origins: Floats,
-    margin_cells: float,
-    x: float,
-    y: float,
-    yaw: float,
-    bound: int,
-    floor: int,
-) -> int:
-    """Return the score of a pose: its `bound_at`, but an endpoint behind a wall counts -`FULL`.
-
-    `clear` is the clearance without padding, `origins` (N, 2) are the beams' beginnings.
-    """
-    cosine, sine = np.cos(yaw), np.sin(yaw)
-    for k in range(points.shape[0]):
-        col = cosine * points[k, 0] - sine * points[k, 1] + x
-        row = sine * points[k, 0] + cosine * points[k, 1] + y
-        x0 = cosine * origins[k, 0] - sine * origins[k, 1] + x
-        y0 = sine * origins[k, 0] + cosine * origins[k, 1] + y
-        if crosses_wall(clear, x0, y0, col, row, margin_cells):
-            value = outside
-            if -pad <= col < field.shape[1] - pad and -pad <= row < field.shape[0] - pad:
-                value = int(field[int(row + pad), int(col + pad)])
-            bound -= value + FULL
-            if bound <= floor:
-                return -1
-    return bound
-
-
-@compiled
-def top_bounds(
-    field: Bytes,
-    pad: int,
-    outside: int,
-    points: Floats,
-    level: int,
-    yaw_step: float,
-    floor: int,
-    out: npt.NDArray[np.int32],
-) -> None:
-    """Write the bound of each node (yaw, y, x) of a level into `out`, -1 if not above `floor`."""
-    size = float(1 << level)
-    for it in range(out.shape[0]):
-        yaw = (it + 0.5) * size * yaw_step
-        for iy in range(out.shape[1]):
-            for ix in range(out.shape[2]):
-                x, y = (ix + 0.5) * size, (iy + 0.5) * size
-                out[it, iy, ix] = bound_at(field, pad, outside, points, x, y, yaw, floor)
-
-
-@compiled
-def _push_children(
-    fields: Bytes,
-    pad: int,
-    outside: int,
-    clear: Bytes,
-    points: Floats,
-    origins: Floats,
-    margin_cells: float,
-    node: Ints,
-    sides: Ints,
-    yaw_step: float,
-    excluded: Floats,
-    radius: float,
-    turn: float,
-    best: int,
-    children: Ints,
-) -> int:
-    """Write the children of a node that may exceed `best`, the lowest first; return how many."""
-    below = node[0] - 1
-    size = float(1 << below)
-    # How far the poses of a child lie from its middle, the turn in the measure of the exclusion.
-    wide = max(0.71 * (size - 1.0), 0.5 * (size - 1.0) * yaw_step / turn * radius)
-    found = 0
-    for number in range(8):
-        ix, iy = 2 * node[1] + (number & 1), 2 * node[2] + ((number >> 1) & 1)
-        it = 2 * node[3] + (number >> 2)
-        x, y, yaw = (ix + 0.5) * size, (iy + 0.5) * size, (it + 0.5) * size * yaw_step
-        if (ix << below) >= sides[0] or (iy << below) >= sides[1]:
-            continue
-        is_left_out = False  # where all poses of the child are near an excluded one
-        for m in range(excluded.shape[0]):
-            dx, dy = x - excluded[m, 0], y - excluded[m, 1]
-            away = abs(yaw - excluded[m, 2]) % (2.0 * np.pi)
-            away = min(away, 2.0 * np.pi - away)
-            is_near = np.sqrt(dx * dx + dy * dy) + wide < radius
-            is_left_out |= is_near and away + wide / radius * turn < turn
-        if is_left_out:
-            continue
-        value = bound_at(fields[below], pad, outside, points, x, y, yaw, best)
-        if below == 0 and value > best:
-            value = score_at(
-                fields[0], pad, outside, clear, points, origins, margin_cells, x, y, yaw, value,
-                best,
-            )  # fmt: skip
-        if value <= best:
-            continue
-        k = found
-        while k > 0 and children[k - 1, 4] > value:
-            children[k] = children[k - 1]
-            k -= 1
-        children[k, 0], children[k, 1], children[k, 2] = below, ix, iy
-        children[k, 3], children[k, 4] = it, value
-        found += 1
-    return found
-
-
-@compiled
-def search_nodes(
-    fields: Bytes,
-    pad: int,
-    outside: int,
-    clear: Bytes,
-    points: Floats,
-    origins: Floats,
-    margin_cells: float,
-    level: int,
-    nodes: Ints,
-    bounds: npt.NDArray[np.int32],
-    sides: Ints,
-    yaw_step: float,
-    excluded: Floats,
-    radius: float,
-    turn: float,
-    best: int,
-    best_leaf: Ints,
-    left: Ints,
-) -> int:
-    """Search below nodes (N, 3) of one level for the leaf with the highest score above `best`.
-
-    Depth first, the child with the highest bound first. `fields` (levels, H, W) holds for each
-    level the highest value within 2^level - 1 cells, padded; `sides` is the number of leaves along
-    x, y and yaw. Leaves that lie near an `excluded` pose are left out. Writes the leaf (x, y, yaw)
-    and returns its score, or `best` where there is none. `left[0]` counts down the effort that may
-    be spent; where nothing is left, the search is given up.
-    """
-    stack = np.empty((8 * (level + 1) + 8, 5), np.int64)
-    children = np.empty((8, 5), np.int64)
-    for n in range(nodes.shape[0]):
-        if bounds[n] <= best:
-            continue
-        stack[0, 0], stack[0, 4] = level, bounds[n]
-        stack[0, 1], stack[0, 2], stack[0, 3] = nodes[n, 0], nodes[n, 1], nodes[n, 2]
-        depth = 1
-        while depth > 0 and left[0] > 0:
-            depth -= 1
-            node = stack[depth].copy()
-            if node[4] <= best:
-                continue
-            if node[0] == 0:
-                best = node[4]
-                best_leaf[:] = node[1:4]
-                continue
-            left[0] -= _LEAF_EFFORT if node[0] == 1 else 1
-            found = _push_children(
-                fields, pad, outside, clear, points, origins, margin_cells, node, sides, yaw_step,
-                excluded, radius, turn, best, children,
-            )  # fmt: skip
-            stack[depth : depth + found] = children[:found]
-            depth += found
-    return best
 
 
 def likelihood(
@@ -332,7 +132,7 @@ the map, or that were when it was made, change the score of the right pose by as
 POOR_SHARE: Final = 0.5
 """With a smaller share of endpoints on walls, map and recording do not belong together."""
 
-_SEARCH_CELL_M: Final = 0.05
+_SEARCH_CELL_M: Final = 0.2
 _MOST_CELLS: Final = 2**24
 _SEARCH_POINTS: Final = 500
 _FINE_POINTS: Final = 4000
@@ -340,18 +140,16 @@ _SEARCH_SIGMA_M: Final = 0.15
 _FINE_SIGMA_M: Final = 0.05
 _SCORE_SIGMA_M: Final = 0.1
 _MARGIN_M: Final = 0.3
-_TOP_LEVEL: Final = 5
-_UNKNOWN: Final = 25
-"""What an endpoint in an unknown place counts, of `FULL`: about as much as one at random."""
-_RIVAL_FLOOR: Final = 0.88
-"""Of the best score on the lattice: on its lattice a rival may lose more than the best did."""
+_UNKNOWN: Final = 0.1
+"""What an endpoint in an unknown place counts: about as much as one at random."""
 _MOST_RIVALS: Final = 3
-_FLOORS: Final = (0.8, 0.65, 0.5, 0.4, 0.32, 0.25)
-"""Scores above which the best pose is looked for in turn: a high floor makes a quick search. With
-less than the last the search takes long, and what it finds tells nothing."""
-_MOST_EFFORT: Final = 10**7
-"""Nodes that a search may look at: some ten seconds."""
-_BATCH: Final = 4096
+_RIVAL_SHARE: Final = 0.88
+"""Of the best score: before the last climb a rival may lose more than the best does."""
+_CANDIDATES: Final = 150
+"""Poses of the coarse lattice that are looked at closely."""
+_OF_A_HEADING: Final = 60
+_LEAST_SCORE: Final = 0.25
+"""What fits worse tells nothing."""
 _SEED: Final = 20
 
 
@@ -480,8 +278,7 @@ class ScanMatcher:
         self._distances = _distance_m(self._fine, self._fine_m)
         self._clear = _clearance(self._fine)
         factor = max(1, math.floor(_SEARCH_CELL_M / self._fine_m + 1e-6))
-        self._cell_m = self._fine_m * factor
-        self._fields = _Fields.of(_pooled(self._fine, factor), self._cell_m)
+        self._coarse = _CoarseMap.of(_pooled(self._fine, factor), self._fine_m * factor)
 
     def align(self, cloud: ScanCloud) -> Alignment | None:
         """Return the pose at which the cloud fits the map best, anywhere on it, and its rivals.
@@ -490,31 +287,24 @@ class ScanMatcher:
         known part. None where no pose has a score worth a word, or too many have about the same; a
         poor best has no rivals.
         """
-        search = _Search(self._fields, cloud)
-        first = search.first()
-        if first is None:
+        thin = cloud.thinned(0.5 * _SEARCH_CELL_M, _SEARCH_POINTS)
+        middle = cloud.origins_m.mean(axis=0)
+        poses = [self._map_from_part.after(pose) for pose in self._coarse.candidates(thin)]
+        near = [self._climbed(thin, pose, self._coarse.cell_m) for pose in poses]
+        near.sort(key=lambda match: -match.score)
+        if near[0].score < _LEAST_SCORE:
             return None
-        found, middle = [first], cloud.origins_m.mean(axis=0)
-        matches = [self._climbed(cloud, self._map_from_part.after(search.pose(first.leaf)))]
-        floor = int(_RIVAL_FLOOR * first.score)
-        while len(matches) <= _MOST_RIVALS and not matches[0].is_poor:
-            rival = search.best(found, floor)
-            if rival is None:
-                return None
-            if rival.score <= floor:
+        matches: list[Match] = []
+        for match in near:
+            if len(matches) > _MOST_RIVALS or match.score < _RIVAL_SHARE * near[0].score:
                 break
-            found.append(rival)
-            pose = self._map_from_part.after(search.pose(rival.leaf))
-            climbed = self._climbed(cloud, pose)
-            is_new = all(_are_distinct(climbed.pose, match.pose, middle) for match in matches)
-            # From a ridge the climb may end where another did; the ridge is there all the same.
-            matches.append(climbed if is_new else self.match(cloud, pose))
+            if all(_are_distinct(match.pose, other.pose, middle) for other in matches):
+                reach_m = self._coarse.cell_m if matches else math.inf
+                matches.append(self._climbed(cloud, match.pose, reach_m))
         matches.sort(key=lambda match: -match.score)
+        if matches[0].is_poor:
+            return Alignment(matches[0], (), None)
         return Alignment(matches[0], tuple(matches[1:]), self._slide(cloud, matches))
-
-    def refined(self, cloud: ScanCloud, pose: PlanarPose, reach_m: float) -> Match:
-        """Return the best match near a pose, which may be off by about `reach_m`."""
-        return self._climbed(cloud, pose, reach_m)
 
     def judged(self, cloud: ScanCloud, pose: PlanarPose) -> tuple[Floats, npt.NDArray[np.uint8]]:
         """Return how far each endpoint lies from an occupied cell [m] (N,), and its flag (N,).
@@ -534,7 +324,7 @@ class ScanMatcher:
         thin = cloud.thinned(NEAR_M, _FINE_POINTS)
         away_m, flags = self.judged(thin, pose)
         values = np.exp(-0.5 * (np.minimum(away_m, 1.0) / self._sigma(_SCORE_SIGMA_M)) ** 2)
-        values = np.where(flags == UNKNOWN_CELL, np.maximum(values, _UNKNOWN / FULL), values)
+        values = np.where(flags == UNKNOWN_CELL, np.maximum(values, _UNKNOWN), values)
         score = float(np.where(flags == WALL_CELL, -1.0, values).mean())
         away_m, flags = self.judged(cloud, pose)
         near = float((away_m <= NEAR_M).mean())
@@ -544,16 +334,18 @@ class ScanMatcher:
     def _sigma(self, sigma_m: float) -> float:
         return max(sigma_m, self._fine_m)
 
-    def _climbed(self, cloud: ScanCloud, pose: PlanarPose, reach_m: float = 0.0) -> Match:
-        """Climb from a pose by ever smaller steps along x, y and yaw, about the cloud's middle."""
+    def _climbed(self, cloud: ScanCloud, pose: PlanarPose, reach_m: float) -> Match:
+        """Climb from a pose by ever smaller steps along x, y and yaw, about the cloud's middle.
+
+        The way is bounded by `reach_m` along each: on a ridge, as in a corridor, rivals stay apart.
+        """
         thin = cloud.thinned(0.5 * NEAR_M, _FINE_POINTS)
         middle = thin.endpoints_m.mean(axis=0)
         about = PlanarPose(float(middle[0]), float(middle[1]), 0.0)
         points = thin.endpoints_m - middle
-        radius_m = max(float(np.hypot(*points.T).mean()), self._cell_m)
-        at = np.array(self._map_from_part.inverse().after(pose).after(about))
-        step_m = max(0.5 * self._cell_m, reach_m)
-        sigma_m = max(_SEARCH_SIGMA_M, reach_m)
+        radius_m = max(float(np.hypot(*points.T).mean()), _SEARCH_CELL_M)
+        begin = np.array(self._map_from_part.inverse().after(pose).after(about))
+        at, step_m, sigma_m = begin, 0.25 * self._coarse.cell_m, _SEARCH_SIGMA_M
 
         def value(x_m: float, y_m: float, yaw: float) -> float:
             sigma = self._sigma(sigma_m)
@@ -562,7 +354,8 @@ class ScanMatcher:
         units = np.diag((1.0, 1.0, 1.0 / radius_m))
         score = value(*at)
         while step_m > 0.0005:
-            tried = [at + sign * step_m * unit for unit in units for sign in (-1.0, 1.0)]
+            steps = [at + sign * step_m * unit for unit in units for sign in (-1.0, 1.0)]
+            tried = [one for one in steps if (abs(one - begin) <= reach_m * units.diagonal()).all()]
             values = [value(*one) for one in tried]
             k = int(np.argmax(values))
             if values[k] > score:
@@ -591,129 +384,65 @@ class ScanMatcher:
 
 
 @dataclass(frozen=True, eq=False)
-class _Fields:
-    """The map as the search sees it; `clear` without, `levels` with `pad` cells around."""
+class _CoarseMap:
+    """The map as the search sees it: what an endpoint in each cell counts beyond `_UNKNOWN`."""
 
-    clear: npt.NDArray[np.uint8]
-    levels: npt.NDArray[np.uint8]
-    pad: int
+    values: npt.NDArray[np.float32]
     cell_m: float
 
     @classmethod
-    def of(cls, kinds: npt.NDArray[np.uint8], cell_m: float) -> "_Fields":
-        """Return the fields of uint8 (levels, h + 2 pad, w + 2 pad) for kinds (h, w).
+    def of(cls, kinds: npt.NDArray[np.uint8], cell_m: float) -> "_CoarseMap":
+        """Return the map of kinds (h, w)."""
+        away = _distance_m(kinds, cell_m) / max(_SEARCH_SIGMA_M, cell_m)
+        values = np.exp(-0.5 * away**2)
+        values[kinds == UNKNOWN_CELL] = np.maximum(values[kinds == UNKNOWN_CELL], _UNKNOWN)
+        return cls((values - _UNKNOWN).astype(np.float32), cell_m)
 
-        Level 0 is the likelihood of an endpoint in each cell; level n the highest of the cells
-        within 2^n - 1 rows and columns.
+    def candidates(self, cloud: ScanCloud) -> list[PlanarPose]:
+        """Return poses at which the cloud scores high, the best first, distinct from each other.
+
+        The place of the laser that is nearest to the middle of the cloud lies within the map.
         """
-        pad = (1 << _TOP_LEVEL) - 1
-        sigma_m = max(_SEARCH_SIGMA_M, 1.5 * cell_m)
-        away = _distance_m(kinds, cell_m) / sigma_m
-        values = np.rint(FULL * np.exp(-0.5 * away**2)).astype(np.uint8)
-        unknown = kinds == UNKNOWN_CELL
-        values[unknown] = np.maximum(values[unknown], _UNKNOWN)
-        sides = (side + 2 * pad for side in kinds.shape)
-        levels = np.empty((_TOP_LEVEL + 1, *sides), dtype=np.uint8)
-        levels[0] = np.pad(values, pad, constant_values=_UNKNOWN)
-        for level in range(1, _TOP_LEVEL + 1):
-            shift = 1 << (level - 1)
-            levels[level] = _spread(_spread(levels[level - 1], shift).T, shift).T
-        return cls(_clearance(kinds), levels, pad, cell_m)
+        middle = 0.5 * (cloud.endpoints_m.min(axis=0) + cloud.endpoints_m.max(axis=0))
+        reference_m = cloud.origins_m[np.argmin(np.hypot(*(cloud.origins_m - middle).T))]
+        points = (cloud.endpoints_m - reference_m) / self.cell_m
+        back = PlanarPose(-reference_m[0], -reference_m[1], 0.0)
+        return [
+            PlanarPose((x + 0.5) * self.cell_m, (y + 0.5) * self.cell_m, wrapped(yaw)).after(back)
+            for x, y, yaw in self._peaks(points)
+        ]
 
+    def _peaks(self, points: Floats) -> list[tuple[float, float, float]]:
+        """Return distinct poses [cells, rad] of points (N, 2) with high scores, the best first."""
+        from scipy import fft
 
-class _Found(NamedTuple):
-    """A leaf (x, y, yaw) of the search, and its score there."""
+        reach = max(float(np.hypot(*points.T).max()), 1.0)
+        yaws = np.arange(0.0, 2.0 * math.pi, 1.0 / reach)
+        (height, width), room = self.values.shape, 2 * math.ceil(reach) + 1
+        shape = fft.next_fast_len(height + room), fft.next_fast_len(width + room)
+        spectrum: Any = fft.rfft2(self.values, shape)
+        found = []
+        for yaw in yaws.tolist():
+            turned = np.rint(PlanarPose(0.0, 0.0, yaw).apply(points)).astype(np.int64)
+            hits = np.zeros(shape, dtype=np.float32)
+            np.add.at(hits, (turned[:, 1], turned[:, 0]), 1.0)  # negative ones count from the end
+            scores = fft.irfft2(spectrum * np.conj(fft.rfft2(hits)), shape)[:height, :width]
+            best = np.argsort(scores, axis=None)[-_OF_A_HEADING:]
+            rows, cols = np.unravel_index(best, scores.shape)
+            found.append(np.column_stack((cols, rows, np.full(len(best), yaw), scores[rows, cols])))
+        return self._distinct(np.concatenate(found))
 
-    leaf: tuple[int, int, int]
-    score: int
-
-
-class _Search:
-    """The search for one cloud: a lattice of poses, coarse nodes above it, and their bounds.
-
-    The lattice is that of the cells of the search, and so fine in yaw that no endpoint moves by
-    more than a cell from one yaw to the next. Its poses are those of `reference`, a place of the
-    laser near the middle of the cloud.
-    """
-
-    def __init__(self, fields: _Fields, cloud: ScanCloud) -> None:
-        thin = cloud.thinned(2.0 * _SEARCH_CELL_M, _SEARCH_POINTS)
-        # Long beams first: they are the likeliest to pass through a wall where a pose is wrong.
-        lengths = np.hypot(*(thin.endpoints_m - thin.origins_m).T)
-        thin = thin.part(np.argsort(-lengths, kind="stable"))
-        middle = 0.5 * (thin.endpoints_m.min(axis=0) + thin.endpoints_m.max(axis=0))
-        nearest = np.argmin(np.hypot(*(cloud.origins_m - middle).T))
-        self.reference_m = cloud.origins_m[nearest]
-        self.fields = fields
-        self.points = (thin.endpoints_m - self.reference_m) / fields.cell_m
-        self.origins = (thin.origins_m - self.reference_m) / fields.cell_m
-        height, width = fields.clear.shape
-        self.level = min(_TOP_LEVEL, max(1, int(math.log2(max(height, width))) - 1))
-        reach = max(float(np.hypot(*self.points.T).max()), 1.0)
-        yaws = math.ceil(2.0 * math.pi * reach / (1 << self.level)) << self.level
-        self.yaw_step = 2.0 * math.pi / yaws
-        self.sides = np.array((width, height, yaws), dtype=np.int64)
-
-    def at(self, leaf: tuple[int, int, int]) -> tuple[float, float, float]:
-        """Return the pose [cells, rad] of the reference point at a leaf."""
-        x, y, yaw = leaf
-        return x + 0.5, y + 0.5, (yaw + 0.5) * self.yaw_step
-
-    def pose(self, leaf: tuple[int, int, int]) -> PlanarPose:
-        """Return the pose of the cloud's frame in that of the fields."""
-        x, y, yaw = self.at(leaf)
-        cell_m = self.fields.cell_m
-        back = PlanarPose(-self.reference_m[0], -self.reference_m[1], 0.0)
-        return PlanarPose(x * cell_m, y * cell_m, wrapped(yaw)).after(back)
-
-    def first(self) -> _Found | None:
-        """Return the best leaf of all, None if it is not worth a word or the search is given up."""
-        for share in _FLOORS:
-            floor = int(share * FULL * len(self.points))
-            found = self.best((), floor)
-            if found is None or found.score > floor:
-                return found
-        return None
-
-    def best(self, excluded: Sequence[_Found], floor: int) -> _Found | None:
-        """Return the best leaf with a score above `floor` that is far from the excluded ones.
-
-        Where there is none, the score is `floor`; None where the search is given up, for too many
-        poses are about as good.
-        """
-        fields = self.fields
-        away = np.array([self.at(found.leaf) for found in excluded]).reshape(-1, 3)
-        nodes, bounds = self._top(floor)
-        leaf, best = np.zeros(3, dtype=np.int64), floor
-        left = np.array((_MOST_EFFORT,), dtype=np.int64)
-        for begin in range(0, len(nodes), _BATCH):
-            batch = np.s_[begin : begin + _BATCH]
-            if bounds[batch][0] <= best:
-                break
-            best = search_nodes(
-                fields.levels, fields.pad, _UNKNOWN, fields.clear, self.points, self.origins,
-                _MARGIN_M / fields.cell_m, self.level, nodes[batch], bounds[batch], self.sides,
-                self.yaw_step, away, DISTINCT_M / fields.cell_m, DISTINCT_RAD, best, leaf, left,
-            )  # fmt: skip
-        if left[0] <= 0:
-            return None
-        x, y, yaw = leaf.tolist()
-        return _Found((x, y, yaw), int(best))
-
-    def _top(self, floor: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32]]:
-        """Return the nodes (N, 3) of the coarsest level with bounds above `floor`, best first."""
-        fields, size = self.fields, 1 << self.level
-        counts = -(-self.sides[:2] // size)
-        yaws = int(self.sides[2]) // size
-        bounds = np.empty((yaws, counts[1], counts[0]), dtype=np.int32)
-        top_bounds(
-            fields.levels[self.level], fields.pad, _UNKNOWN, self.points, self.level,
-            self.yaw_step, floor, bounds,
-        )  # fmt: skip
-        order = np.argsort(-bounds, axis=None, kind="stable")
-        order = order[bounds.ravel()[order] > floor]
-        yaw, y, x = np.unravel_index(order, bounds.shape)
-        return np.column_stack((x, y, yaw)).astype(np.int64), bounds.ravel()[order]
+    def _distinct(self, found: Floats) -> list[tuple[float, float, float]]:
+        """Return poses (x, y, yaw, score), best first, each far from those before it."""
+        left = found[np.argsort(-found[:, 3], kind="stable")]
+        chosen: list[tuple[float, float, float]] = []
+        while len(left) and len(chosen) < _CANDIDATES:
+            x, y, yaw = left[0, :3].tolist()
+            chosen.append((x, y, yaw))
+            turned = np.abs(wrapped(left[:, 2] - yaw))
+            away = np.hypot(left[:, 0] - x, left[:, 1] - y)
+            left = left[(away * self.cell_m >= DISTINCT_M) | (turned >= DISTINCT_RAD)]
+        return chosen
 
 
 def _are_distinct(a: PlanarPose, b: PlanarPose, at_m: Floats) -> bool:
@@ -771,11 +500,3 @@ def _clearance(kinds: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
     distances = cv2.distanceTransform(1 - walls, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     clear: npt.NDArray[np.uint8] = np.clip(np.asarray(distances), 0.0, 255.0).astype(np.uint8)
     return clear
-
-
-def _spread(field: npt.NDArray[np.uint8], shift: int) -> npt.NDArray[np.uint8]:
-    """Return the highest of each value and those `shift` rows before and after it."""
-    spread: npt.NDArray[np.uint8] = field.copy()
-    np.maximum(spread[shift:], field[:-shift], out=spread[shift:])
-    np.maximum(spread[:-shift], field[shift:], out=spread[:-shift])
-    return spread

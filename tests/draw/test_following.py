@@ -69,8 +69,6 @@ def test_only_while_it_follows() -> None:
     )
     lives = [walker(1, (3, 2), (9, 2)), follower]
     assert _found(lives) == [(2, 1, 31, 71)]
-    (found,) = following_stretches(lives, END_NS)
-    assert found.instants(2).tolist() == [TICK_NS * 41, TICK_NS * 61]
 
 
 def test_who_leaves_follows_until_then() -> None:

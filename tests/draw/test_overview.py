@@ -10,12 +10,10 @@ import numpy.typing as npt
 import pytest
 
 from are_ros.agents.events import SceneMetrics
-from are_ros.draw.canvas import Rectangle
-from are_ros.draw.map import View, Window, known_part, shaded, window_of, with_furniture
-from are_ros.draw.overview import draw_overview, robot_indices, subtitle_of, tag_rectangles
-from are_ros.draw.robot import fan_at, level_sight, spread_indices, telling_indices, walls_of
+from are_ros.draw.map import known_part, shaded, window_of, with_furniture
+from are_ros.draw.overview import draw_overview, subtitle_of
+from are_ros.draw.robot import fan_at, level_sight, spread_indices, walls_of
 from are_ros.draw.scene import Life, SceneRecord, TickSeries, Track
-from are_ros.draw.sheet import is_free
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.meshes.shapes import Shape
 from are_ros.world.cameras import OmnidirectionalView, PinholeView, ViewModel, mounted_camera
@@ -146,7 +144,7 @@ def test_settings_of_the_user_change_nothing(tmp_path: Path) -> None:
 
 def test_perceived_is_filled_and_unperceived_is_not(tmp_path: Path) -> None:
     """A perceived artefact fills its footprint with its class's colour, another one does not."""
-    filled, hatched = (
+    filled, pale = (
         _count(
             _drawn(_record([_life(1, 2.0, 2.0, perceived=seen)]), _room(), tmp_path / "a.png"),
             PERSON_BGR,
@@ -154,7 +152,7 @@ def test_perceived_is_filled_and_unperceived_is_not(tmp_path: Path) -> None:
         for seen in (True, False)
     )
     assert filled > 3000
-    assert hatched < 0.3 * filled
+    assert pale < 0.3 * filled
 
 
 @pytest.mark.parametrize("yaw_rad", [0.0, 0.7, math.pi / 2, -2.5])
@@ -291,25 +289,6 @@ def test_poses_are_spread_over_the_way() -> None:
     assert spread_indices(_record(), 4) == []
 
 
-def test_telling_poses_are_those_that_perceived_most() -> None:
-    """Of each part of the way the pose is shown that perceived the most, else the middle one."""
-    record = _record((), [(0.1 * i, 0.0, 0.0) for i in range(41)])
-    record.series.perceived.flags.writeable = True
-    record.series.perceived[[3, 4, 33]] = (1, 2, 1)
-    assert telling_indices(record, 2) == [4, 33]
-    assert telling_indices(record, 4)[1] == 15
-    assert telling_indices(_record(), 4) == []
-
-
-HALL_VIEW = View(Window(0.0, 10.0, 0.0, 10.0), 60.0)
-
-
-def _tags(
-    way: Sequence[tuple[float, float, float]], *taken: Rectangle
-) -> list[tuple[float, float, float, float]]:
-    return tag_rectangles(run([], way=way), HALL_VIEW, taken)
-
-
 def test_the_subtitle_says_how_many_have_no_room() -> None:
     """And nothing of it where all have."""
     record = run([walker(1, (2, 2), (8, 6))])
@@ -317,35 +296,3 @@ def test_the_subtitle_says_how_many_have_no_room() -> None:
     assert subtitle_of(record, 3, "/tags")[-1] == (
         "numbers are ids, as in /tags; 3 numbers left out for want of room"
     )
-
-
-def test_the_robot_and_its_tags_have_places() -> None:
-    """At the ends of its path, the tags below; without a pose there are none."""
-    way = [(1.0 + 0.1 * i, 2.0, 0.0) for i in range(50)]
-    assert robot_indices(run([], way=way), ()) == [0, 49]
-    tags = _tags(way)
-    middles = [0.5 * (tag[0] + tag[2]) for tag in tags]
-    assert middles == pytest.approx([60.0, 5.9 * 60.0])
-    assert all(tag[1] > (8.0 + 0.2) * 60.0 for tag in tags)
-    assert (robot_indices(run([]), ()), _tags([])) == ([], [])
-
-
-def test_a_tag_makes_way_for_an_artefact() -> None:
-    """It goes above, or beside; it stays below where all around is taken, and in the picture."""
-    way = [(1.0 + 0.1 * i, 2.0, 0.0) for i in range(50)]
-    start, end = _tags(way)
-    above = _tags(way, end)[1]
-    assert above[3] < (8.0 - 0.2) * 60.0
-    assert 0.5 * (above[0] + above[2]) == pytest.approx(5.9 * 60.0)
-    beside = _tags(way, end, above)[1]
-    assert beside[0] > (5.9 + 0.2) * 60.0
-    assert _tags(way, (0.0, 0.0, 600.0, 600.0)) == [start, end]
-    low = _tags([(x, 0.4, 0.0) for x, _, _ in way])
-    assert all(tag[3] < 9.6 * 60.0 for tag in low)
-
-
-def test_the_tags_of_a_robot_that_came_back_lie_apart() -> None:
-    """Start and end at one place."""
-    start, end = _tags([(5.0, 5.0, 0.0)] * 50)
-    assert not is_free(start, np.array([start]))
-    assert is_free(start, np.array([end]))

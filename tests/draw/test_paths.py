@@ -11,11 +11,8 @@ import pytest
 from are_ros.agents.events import EventKind
 from are_ros.draw import overview
 from are_ros.draw.artefacts import (
-    behaviour_counts,
     displacements,
-    draw_following,
     draw_paths,
-    following_stretches,
     forced,
     mark_places,
     path_of,
@@ -25,7 +22,7 @@ from are_ros.draw.map import View, Window
 from are_ros.draw.overview import draw_overview
 from are_ros.draw.palette import behaviour_marks, class_colours, mark_outline, shade_of
 from are_ros.draw.scene import Life, SceneRecord, Track
-from tests.draw.made_runs import TICK_NS, event, hall, run, texts_written, walker
+from tests.draw.made_runs import TICK_NS, event, hall, run, walker
 
 PERSON = (209, 73, 91)
 VIEW = View(Window(0.0, 10.0, 0.0, 10.0), 50.0)
@@ -34,7 +31,7 @@ VIEW = View(Window(0.0, 10.0, 0.0, 10.0), 50.0)
 def _texts(record: SceneRecord) -> list[str]:
     colours = class_colours([life.row.class_name for life in record.lives])
     marks = behaviour_marks([life.doings[0].behaviour for life in record.lives])
-    legends = overview._legends(record, colours, marks, has_following=True)
+    legends = overview._legends(record, colours, marks, int(record.series.stamps_ns[-1]))
     return [entry.name for legend in legends for entry in legend]
 
 
@@ -42,7 +39,7 @@ def _ink(*lives: Life) -> npt.NDArray[np.int64]:
     """Return how much the paths of artefacts change each pixel of a white canvas, (h, w)."""
     canvas = Canvas((500, 500))
     paths = [path_of(life, ()) for life in lives]
-    draw_paths(canvas, VIEW, paths, class_colours([]), {}, is_detailed=False)
+    draw_paths(canvas, VIEW, paths, class_colours([]), {})
     ink: npt.NDArray[np.int64] = (255 - canvas.pixels.astype(np.int64)).sum(axis=2)
     return ink
 
@@ -93,7 +90,6 @@ def test_long_paths_keep_their_ends_and_jumps() -> None:
 
 def test_the_legend_counts_behaviours_and_events() -> None:
     """Behaviours with their counts, the most frequent first, and the marks that there are."""
-    assert behaviour_counts(["walking", "dancing", "", "walking"]) == {"walking": 2, "dancing": 1}
     lives = [
         walker(1, (2, 5), (8, 5)),
         walker(2, (2, 6), (8, 6)),
@@ -133,24 +129,6 @@ def test_every_behaviour_has_a_mark() -> None:
     assert all(np.abs(corners).max() < 0.7 for corners in outlines), "about the middle"
 
 
-def test_followers_are_joined_to_their_leaders(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Dotted rungs join the two, the follower's id names its leader, and their legend is there."""
-    follows = "following artefact 1"
-    follower = walker(2, (2, 5), (8, 5), behaviour="following", activity=follows)
-    lives = [walker(1, (2, 6), (8, 6)), follower]
-    canvas = Canvas((500, 500))
-    draw_following(canvas, VIEW, following_stretches(lives, TICK_NS * 101), class_colours([]))
-    between = (canvas.pixels[215:240] < 200).any(axis=(0, 2))
-    assert 6 <= (np.diff(np.flatnonzero(between)) > 5).sum() + 1 <= 6
-    assert {"following", "following  1"} <= {*_texts(run(lives))}
-    written = texts_written(monkeypatch)
-    draw_overview(run(lives), hall(), tmp_path / "a.png", occupied_threshold=65)
-    assert {"1", "2\u21921"} <= {*written}
-    assert "2" not in written
-
-
 def test_an_artefact_that_left_is_pale(tmp_path: Path) -> None:
     """A footprint of one that left before the end is translucent, that of one that stayed not."""
     left = walker(1, (2, 3), (3, 3), ticks=40, seen=[3], gone=True)
@@ -161,19 +139,6 @@ def test_an_artefact_that_left_is_pale(tmp_path: Path) -> None:
     full = (image == PERSON[::-1]).all(axis=2)[98:1100]
     assert full[:510].sum() > 500
     assert full[510:].sum() == 0
-
-
-def test_arrowheads_and_marks_can_be_left_out() -> None:
-    """Where there are very many paths: with them there is more ink on the same path."""
-    inks = []
-    for is_detailed in (False, True):
-        canvas = Canvas((500, 500))
-        paths = [path_of(walker(1, (1, 5), (9, 5)), ())]
-        draw_paths(
-            canvas, VIEW, paths, class_colours([]), behaviour_marks([]), is_detailed=is_detailed
-        )
-        inks.append(int((canvas.pixels < 250).any(axis=2).sum()))
-    assert inks[1] > inks[0] + 60
 
 
 def test_shades_stay_near_their_class() -> None:

@@ -1,7 +1,6 @@
 """Soaks: artefacts live on maps, and the judge finds nothing; the full hours are `are soak`'s."""
 
 import math
-import re
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -11,18 +10,15 @@ import numpy as np
 import pytest
 
 from are_ros.builder.files.catalogue_file import read_catalogue
-from are_ros.draw.palette import behaviour_marks, class_colours
 from are_ros.errors import InputError, MapError, ParameterError
 from are_ros.lab.motion_judge import MotionJudge
-from are_ros.lab.soak import RovingRobot, SoakResult, Way, soak
-from are_ros.lab.soak_picture import draw_soak, legends, paths_of, write_soak
+from are_ros.lab.soak import RovingRobot, SoakResult, Way, soak, write_soak
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.map_io import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.rigid_transform import RigidTransform
-from tests.draw.made_runs import texts_written
 from tests.lab.floor_plans import office, pillars
 
 CATALOGUE = read_catalogue()
@@ -135,7 +131,7 @@ def test_a_population_on_open_ground_does_not_keep_to_the_grid() -> None:
     result = soaked(grid, 30.0, parameters(4e-4, **PEOPLE))
     assert result.is_clean, result.table()
     assert result.along_axes_share < 0.25
-    straight = {1: Way(CATALOGUE.rows[0], "", [(0.0, 0.0), (3.0, 0.1), (3.0, 9.0), (4.0, 10.0)])}
+    straight = {1: Way([(0.0, 0.0), (3.0, 0.1), (3.0, 9.0), (4.0, 10.0)])}
     straight[1].jumps.add(2)
     share = replace(result, ways=straight, map_yaw_rad=0.0).along_axes_share
     assert share == pytest.approx(3.0 / (3.0 + math.sqrt(2.0)), abs=1e-3)
@@ -166,65 +162,13 @@ def test_resolved_collisions_excuse_as_many_brakings() -> None:
 
 
 def test_a_report_is_written(tmp_path: Path) -> None:
-    """Numbers and a picture, into a folder that was not there."""
+    """Numbers, into a folder that was not there."""
     result = soak(office(), parameters(0.01, **PEOPLE), CATALOGUE, longest_s=5.0)
-    write_soak(result, office(), tmp_path / "a" / "b")
+    write_soak(result, tmp_path / "a" / "b")
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match=r"file: the results cannot be written \(it is a file\)"):
-        write_soak(result, office(), tmp_path / "file")
-    assert sorted(p.name for p in (tmp_path / "a" / "b").iterdir()) == ["soak.json", "soak.png"]
-
-
-@pytest.fixture(scope="module")
-def crowded() -> SoakResult:
-    """Return some seconds of a room with many."""
-    return soak(room(), parameters(0.05, **PEOPLE), CATALOGUE, longest_s=20.0)
-
-
-def legend_texts(result: SoakResult) -> list[str]:
-    """Return all that the legends of a picture say."""
-    paths = paths_of(result)
-    colours = class_colours([path.class_name for path in paths])
-    marks = behaviour_marks([path.behaviour for path in paths])
-    robot_m = np.array(result.robot_way_m, dtype=np.float64).reshape(-1, 2)
-    found = legends(paths, robot_m, colours, marks)
-    return [entry.name for legend in found for entry in legend]
-
-
-def test_the_picture_shows_the_known_part(
-    crowded: SoakResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Unknown margins are cut off: it is the same as that of the room alone."""
-    cells = np.full((200, 300), -1, np.int8)
-    cells[70:130, 100:160] = room().cells
-    origin = RigidTransform.planar(-10.0, -7.0, 0.0)
-    draw_soak(crowded, OccupancyGrid(cells, 0.1, origin, "map"), tmp_path / "wide.png")
-    written = texts_written(monkeypatch)
-    draw_soak(crowded, room(), tmp_path / "room.png")
-    assert "1 m" in written
-    assert (tmp_path / "wide.png").read_bytes() == (tmp_path / "room.png").read_bytes()
-
-
-def test_the_picture_tells_the_robot_from_the_robots(crowded: SoakResult) -> None:
-    """Each entry of the legend is another one; classes are counted, paths measured."""
-    texts = legend_texts(crowded)
-    words = [text.split("  ")[0] for text in texts]
-    assert len(words) == len(set(words))
-    assert {"person", "robot", "path of the robot", "paths", "walking"} <= set(words)
-    assert any(re.fullmatch(r"person  [1-9]\d*", text) for text in texts)
-    assert any(re.fullmatch(r"paths  [1-9]\d* m", text) for text in texts)
-    stood = sum(len(way.points_m) == 1 for way in crowded.ways.values())
-    assert (f"never moved  {stood}" in texts) == (stood > 0)
-
-
-def test_of_very_many_no_behaviours_are_named(crowded: SoakResult) -> None:
-    """Nor marked: nobody could tell them apart; what was displaced is dotted."""
-    ways = {100 * n + i: way for n in range(20) for i, way in crowded.ways.items()}
-    jumped = next(number for number, way in ways.items() if len(way.points_m) > 3)
-    ways[jumped] = replace(ways[jumped], jumps={2})
-    words = {text.split("  ")[0] for text in legend_texts(replace(crowded, ways=ways))}
-    assert "displaced" in words
-    assert "walking" not in words
+        write_soak(result, tmp_path / "file")
+    assert sorted(p.name for p in (tmp_path / "a" / "b").iterdir()) == ["soak.json"]
 
 
 def test_the_robot_stays_clear_of_walls_and_gets_about() -> None:

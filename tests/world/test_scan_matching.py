@@ -10,16 +10,18 @@ from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.scan_matching import (
     DISTINCT_M,
+    DISTINCT_RAD,
     Alignment,
     PlanarPose,
     ScanCloud,
     ScanMatcher,
-    _Search,
+    _CoarseMap,
     wrapped,
 )
 
 CELL_M = 0.05
 Cells = npt.NDArray[np.int8]
+Points = npt.NDArray[np.float64]
 
 
 def room(width_m: float, height_m: float) -> Cells:
@@ -131,58 +133,34 @@ def test_people_who_are_not_on_the_map_do_not_matter(furnished: Cells) -> None:
 
 
 def test_the_search_finds_what_trying_every_pose_finds() -> None:
-    """Branch and bound gives the best leaf of the lattice, with its score (a slow twin)."""
-    cells = room(1.6, 1.1)
-    put(cells, 0.9, 0.3, 0.15, 0.2)
-    cloud = scanned(cells, [(0.8, 0.7)], PlanarPose(0.2, 0.1, 1.0), 5.0)
-    search = _Search(matcher_of(grid_of(cells))._fields, cloud.part(np.arange(0, 240, 8)))
-    found = search.best((), 0)
-    assert found is not None
-    best = max(_leaf_scores(search, cells, found.score), default=0)
-    assert (found.score, _leaf_score(search, cells, found.leaf)) == (best, best)
-    excluded = search.best([found], 0)
-    assert excluded is not None
-    x, y, yaw = search.at(excluded.leaf)
-    x1, y1, yaw1 = search.at(found.leaf)
-    away_m = math.hypot(x - x1, y - y1) * CELL_M
-    assert away_m >= DISTINCT_M or abs(wrapped(yaw - yaw1)) >= math.radians(10.0)
-    assert excluded.score <= found.score
+    """The first candidate is the best pose of the lattice; each is far from those before it."""
+    cells = room(3.0, 2.2)
+    put(cells, 1.7, 0.6, 0.3, 0.4)
+    cloud = scanned(cells, [(1.1, 1.3)], PlanarPose(0.2, 0.1, 1.0), 5.0)
+    coarse = matcher_of(grid_of(cells))._coarse
+    points = (cloud.endpoints_m - cloud.origins_m[0]) / coarse.cell_m
+    peaks = coarse._peaks(points)
+    best = _lattice_score(coarse, points, *peaks[0])
+    height, width = coarse.values.shape
+    yaws = np.arange(0.0, 2.0 * math.pi, 1.0 / np.hypot(*points.T).max())
+    for yaw in yaws.tolist():
+        for x, y in np.ndindex(width, height):
+            assert _lattice_score(coarse, points, x, y, yaw) <= best + 1e-3
+    for number, (x, y, yaw) in enumerate(peaks):
+        for x1, y1, yaw1 in peaks[:number]:
+            is_away = math.hypot(x - x1, y - y1) * coarse.cell_m >= DISTINCT_M
+            assert is_away or abs(wrapped(yaw - yaw1)) >= DISTINCT_RAD
 
 
-def _leaf_scores(search: _Search, cells: Cells, at_least: int) -> list[int]:
-    """Return the scores of all leaves that could reach so much, pose by pose."""
-    field, pad = search.fields.levels[0].astype(int), search.fields.pad
-    scores = []
-    for it in range(search.sides[2]):
-        _, _, yaw = search.at((0, 0, it))
-        cosine, sine = math.cos(yaw), math.sin(yaw)
-        turned = search.points @ np.array(((cosine, sine), (-sine, cosine)))
-        for iy in range(search.sides[1]):
-            for ix in range(search.sides[0]):
-                at = np.floor(turned + np.array((ix + 0.5, iy + 0.5))).astype(int) + pad
-                at = np.clip(at, 0, (field.shape[1] - 1, field.shape[0] - 1))
-                if field[at[:, 1], at[:, 0]].sum() >= at_least:
-                    scores.append(_leaf_score(search, cells, (ix, iy, it)))
-    return scores
-
-
-def _leaf_score(search: _Search, cells: Cells, leaf: tuple[int, int, int]) -> int:
-    """Return the score of one leaf: the field's sum, but -255 where a wall is on the way."""
-    x, y, yaw = search.at(leaf)
-    field, pad = search.fields.levels[0].astype(int), search.fields.pad
-    walls = cells[4:-4, 4:-4] == 100
-    pose, total = PlanarPose(x, y, yaw), 0
-    ends, begins = pose.apply(search.points), pose.apply(search.origins)
-    for (x0, y0), (x1, y1) in zip(begins, ends, strict=True):
-        reach = math.hypot(x1 - x0, y1 - y0)
-        along = np.arange(0.0, max(reach - 0.3 / CELL_M, 0.0), 0.01)[:, np.newaxis]
-        way = np.array((x0, y0)) + along / reach * np.array((x1 - x0, y1 - y0))
-        cols, rows = np.floor(way).astype(int).T
-        inside = (rows >= 0) & (rows < walls.shape[0]) & (cols >= 0) & (cols < walls.shape[1])
-        row, col = math.floor(y1) + pad, math.floor(x1) + pad
-        row, col = min(max(row, 0), len(field) - 1), min(max(col, 0), field.shape[1] - 1)
-        total += -255 if walls[rows[inside], cols[inside]].any() else field[row, col]
-    return int(total)
+def _lattice_score(coarse: _CoarseMap, points: Points, x: float, y: float, yaw: float) -> float:
+    """Return the sum of the map's values at the cells of the points, one by one."""
+    total = 0.0
+    for px, py in points.tolist():
+        col = round(math.cos(yaw) * px - math.sin(yaw) * py) + int(x)
+        row = round(math.sin(yaw) * px + math.cos(yaw) * py) + int(y)
+        if 0 <= row < coarse.values.shape[0] and 0 <= col < coarse.values.shape[1]:
+            total += float(coarse.values[row, col])
+    return total
 
 
 def test_a_square_room_is_ambiguous() -> None:
@@ -252,4 +230,4 @@ def test_a_fine_map_is_searched_as_a_coarse_one_is(furnished: Cells) -> None:
     cloud = scanned(furnished, [(2.0, 1.8), (3.9, 3.0)], truth, 20.0)
     found = aligned(matcher_of(grid), cloud)
     assert_near(found.best.pose, truth, cloud.origins_m)
-    assert matcher_of(grid)._fields.cell_m == pytest.approx(CELL_M)
+    assert matcher_of(grid)._coarse.cell_m == pytest.approx(4 * CELL_M)

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from are_ros.bag.decoded import Scene
 from are_ros.checks.grids import admitted_by_tick
-from are_ros.checks.images.anew import box_triangles
 from are_ros.checks.oracle.solids import Cloud, Walls
 from are_ros.checks.record import Record
 from are_ros.checks.result import CheckResult, Tally, at_s, skipped
+from are_ros.checks.sensors.depth_images import box_triangles
 from are_ros.checks.sensors.scans import KnownWalls
 from are_ros.parameters.choices import CostmapGate, Shape
 

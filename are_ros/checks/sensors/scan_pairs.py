@@ -10,9 +10,15 @@ from numpy.typing import NDArray
 
 from are_ros.bag.decoded import Scan
 from are_ros.bag.recording import PREFIX
-from are_ros.checks.images.depths import DepthFrame, DepthPair, changed_pixels
-from are_ros.checks.images.lens import info_topic, name_parts, rays_of
 from are_ros.checks.sensors.cloud_pairs import SensorCloud, changed_points
+from are_ros.checks.sensors.depth_images import (
+    DepthFrame,
+    DepthPair,
+    changed_pixels,
+    info_topic,
+    name_parts,
+    rays_of,
+)
 
 _MOST_WAITING: Final = 2000
 _MOST_IMAGES: Final = 40

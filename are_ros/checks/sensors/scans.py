@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from are_ros.bag.decoded import DISPLACED, Scene
-from are_ros.checks.images.anew import box_triangles, compared
 from are_ros.checks.oracle.frames import EVER, Pose
 from are_ros.checks.oracle.plane import distances_m
 from are_ros.checks.oracle.solids import Cloud, Walls
 from are_ros.checks.record import Record
 from are_ros.checks.result import CheckResult, Tally, at_s, skipped
+from are_ros.checks.sensors.depth_images import box_triangles, compared
 from are_ros.checks.sensors.scan_pairs import ChangedScan
 from are_ros.checks.ticks import departures_ns
 from are_ros.conventions import NS_PER_S, seconds_to_ns

@@ -35,7 +35,6 @@ from are_ros.world.scan_matching import (
     PlanarPose,
     ScanCloud,
     ScanMatcher,
-    wrapped,
 )
 from are_ros.world.transforms.tree import FrameTree
 
@@ -373,11 +372,6 @@ Say = Callable[[str], None]
 
 _SEARCHED_WAY_M: Final = 60.0
 """Odometry drifts: of a longer way only the beginning is searched for."""
-_PARTS: Final = 4
-_DRIVEN_M: Final = 4.0
-_DRIFT_REACH_M: Final = 0.1
-_DRIFT_M: Final = 0.15
-_DRIFT_RAD: Final = math.radians(2.0)
 _MOST_DOTS: Final = 20_000
 _WORTH_A_WORD: Final = 0.005
 _ADVICE: Final = (
@@ -390,8 +384,7 @@ _ADVICE: Final = (
 class AlignOutcome:
     """The result: `alignment` is None where the scans fit nowhere.
 
-    `cloud` has the endpoints that were searched for, `whole` those of the whole way; `drift` is a
-    sentence if the odometry drifts.
+    `cloud` has the endpoints that were searched for.
     """
 
     given: AlignInput
@@ -399,8 +392,6 @@ class AlignOutcome:
     map_frame: str
     alignment: Alignment | None
     cloud: ScanCloud
-    whole: ScanCloud
-    drift: str
     matcher: ScanMatcher
 
     @property
@@ -486,9 +477,8 @@ def align(options: ReplayOptions, say: Say) -> AlignOutcome:
     with said_if_slow(say, "searching the map (and compiling its kernels the first time)"):
         matcher = ScanMatcher(grid, classes)
         found = matcher.align(cloud)
-        drift = "" if found is None or found.best.is_poor else _drift(matcher, given, found.best)
     frame = parameters.frames.map
-    return AlignOutcome(given, grid, frame, found, cloud, whole, drift, matcher)
+    return AlignOutcome(given, grid, frame, found, cloud, matcher)
 
 
 def outcome_lines(outcome: AlignOutcome) -> list[str]:
@@ -505,8 +495,7 @@ def outcome_lines(outcome: AlignOutcome) -> list[str]:
     if found.rivals:
         rival = found.rivals[0]
         next_best = f"{_words(rival.pose)}: {rival.score / best.score:.0%} of the score"
-    drift = [outcome.drift] if outcome.drift else []
-    return [outcome.line(best), *_fit_lines(outcome, best), f"next best    {next_best}", *drift]
+    return [outcome.line(best), *_fit_lines(outcome, best), f"next best    {next_best}"]
 
 
 def _poor_lines(outcome: AlignOutcome, best: Match) -> list[str]:
@@ -544,41 +533,10 @@ def _fit_lines(outcome: AlignOutcome, best: Match) -> list[str]:
             fit += f", {share:.0%} {where}"
     scans = f"{counted(len(numbers), 'scan')} of {', '.join(given.topics)}, over"
     scans += f" {(last_ns - first_ns) / NS_PER_S:.0f} s and {driven_m[numbers[-1]]:.1f} m"
-    if len(cloud) < len(outcome.whole):
+    if numbers[-1] + 1 < len(given.scans):
         scans += f" (the first of {driven_m[-1]:.0f} m)"
     return [f"fit          {fit}", f"scans        {scans}"]
 
 
 def _words(pose: PlanarPose) -> str:
     return f"x {pose.x_m:.2f} m, y {pose.y_m:.2f} m, yaw {math.degrees(pose.yaw_rad):.1f} degrees"
-
-
-def _drift(matcher: ScanMatcher, given: AlignInput, best: Match) -> str:
-    """Return a sentence if the parts of the way do not fit at one pose, else nothing."""
-    driven_m, whole = given.driven_m(), given.cloud()
-    if driven_m[-1] < _DRIVEN_M:
-        return ""
-    worst, sentence = 1.0, ""
-    pose = best.pose
-    for part in range(_PARTS):
-        bounds = driven_m[-1] * part / _PARTS, driven_m[-1] * (part + 1) / _PARTS
-        inside = (driven_m >= bounds[0]) & (driven_m <= bounds[1])
-        if not inside.any():
-            continue
-        cloud = whole.part(inside[whole.scans])
-        match = matcher.refined(cloud, pose, _DRIFT_REACH_M)
-        if match.score <= matcher.match(cloud, pose).score:
-            continue
-        pose = match.pose
-        middle = cloud.origins_m.mean(axis=0)[np.newaxis]
-        away_m = float(np.hypot(*(pose.apply(middle) - best.pose.apply(middle))[0]))
-        turned = abs(wrapped(pose.yaw_rad - best.pose.yaw_rad))
-        badness = max(away_m / _DRIFT_M, turned / _DRIFT_RAD)
-        if badness > worst:
-            worst = badness
-            sentence = (
-                f"the odometry drifts: {bounds[0]:.0f} to {bounds[1]:.0f} m along the way the scans"
-                f" fit best {away_m:.2f} m and {math.degrees(turned):.1f} degrees off this line;"
-                " no static transform fits the whole drive, take a part with --start, --duration"
-            )
-    return sentence

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from are_ros._compiled import compiled
 from are_ros.errors import MapError
-from are_ros.world.voxel_files.contents import MAX_CENTRES, read_bytes
+from are_ros.world.voxel_files.clouds import MAX_CENTRES, read_bytes
 
 OCCUPIED_LOG_ODDS: Final = 0.0
 """OctoMap's occupancy threshold, a probability of 0.5."""

@@ -2,10 +2,8 @@
 
 from pathlib import Path
 
-from are_ros.world.voxel_files.contents import Points
+from are_ros.world.voxel_files.clouds import Points, read_pcd_file, read_ply_file
 from are_ros.world.voxel_files.octomap import read_octomap_file
-from are_ros.world.voxel_files.pcd import read_pcd_file
-from are_ros.world.voxel_files.ply import read_ply_file
 
 
 def read_voxel_file(path: Path, voxel_size_m: float | None) -> tuple[Points, float | None]:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from are_ros.errors import MapError
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_files import octomap
-from are_ros.world.voxel_files.contents import MAX_CENTRES
+from are_ros.world.voxel_files.clouds import MAX_CENTRES
 from are_ros.world.voxel_files.octomap import read_octomap_file
 from are_ros.world.voxel_map import VoxelMap
 

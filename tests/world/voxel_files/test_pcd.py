@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from are_ros.errors import MapError
-from are_ros.world.voxel_files import pcd
-from are_ros.world.voxel_files.pcd import read_pcd_file
+from are_ros.world.voxel_files import clouds
+from are_ros.world.voxel_files.clouds import read_pcd_file
 
 Floats = npt.NDArray[np.float64]
 ENCODINGS = ("ascii", "binary", "binary_compressed")
@@ -145,7 +145,7 @@ def test_a_cloud_compressed_by_liblzf() -> None:
 def test_what_was_packed_is_unpacked(data: bytes) -> None:
     """Runs, near and far repetitions, such that overlap themselves, and long ones."""
     unpacked = np.empty(len(data), np.uint8)
-    assert pcd._unpack(np.frombuffer(packed_slowly(data), np.uint8), unpacked)
+    assert clouds._unpack(np.frombuffer(packed_slowly(data), np.uint8), unpacked)
     assert unpacked.tobytes() == data
 
 
@@ -154,7 +154,7 @@ def test_what_was_packed_is_unpacked(data: bytes) -> None:
 def test_unpacking_anything_stays_within_its_arrays(data: bytes, size: int) -> None:
     """It fails, or fills the array; what lies behind it is untouched."""
     room = np.full(size + 400, 85, np.uint8)
-    is_full = pcd._unpack(np.frombuffer(data, np.uint8), room[:size])
+    is_full = clouds._unpack(np.frombuffer(data, np.uint8), room[:size])
     assert (room[size:] == 85).all()
     if is_full:
         by_hand, at = bytearray(), 0

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from are_ros.errors import MapError
-from are_ros.world.voxel_files.ply import read_ply_file
+from are_ros.world.voxel_files.clouds import read_ply_file
 
 Floats = npt.NDArray[np.float64]
 FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}

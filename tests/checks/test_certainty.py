@@ -14,12 +14,12 @@ from are_ros.bag.types import jazzy_typestore
 from are_ros.builder.certainty.perception import Perception
 from are_ros.builder.costmap.registration import covered_cells
 from are_ros.builder.scene import Scene as TruthScene
+from are_ros.checks.certainty import PerceivedPlaces, check_certainty, check_predicted
 from are_ros.checks.oracle.solids import RealMap
-from are_ros.checks.perception.certainty import PerceivedPlaces, check_certainty, check_predicted
-from are_ros.checks.perception.sightings import check_perceived
 from are_ros.checks.record import Record, at_their_ticks
 from are_ros.checks.result import Outcome
 from are_ros.checks.run import check_recording
+from are_ros.checks.sightings import check_perceived
 from are_ros.messages.artefacts import ArtefactEncoder, encode_perceived, encode_predicted
 from tests.builder.certainty.hall import detector, look, ns, room, scene, walkers
 
@@ -184,7 +184,7 @@ def test_a_replay_with_a_detector_passes_all_checks(
     replay_sample: Callable[..., Path],
 ) -> None:
     """From the command to the check, with false alarms in the grids."""
-    preset = Path(__file__).resolve().parents[3] / "config" / "presets" / "certainty_good.yaml"
+    preset = Path(__file__).resolve().parents[2] / "config" / "presets" / "certainty_good.yaml"
     often = "certainty.false_alarm_rate:=2.0"
     out = replay_sample("--params", preset, "--set", often, "--with-inputs")
     results = check_recording(out)

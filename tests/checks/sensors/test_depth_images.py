@@ -9,11 +9,18 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from are_ros.checks.images.anew import Difference, box_triangles, compared, nearest_depths
-from are_ros.checks.images.depths import DepthFrame, changed_pixels
-from are_ros.checks.images.lens import info_topic, rays_of
 from are_ros.checks.oracle.frames import Pose
 from are_ros.checks.oracle.solids import Walls
+from are_ros.checks.sensors.depth_images import (
+    DepthFrame,
+    Difference,
+    box_triangles,
+    changed_pixels,
+    compared,
+    info_topic,
+    nearest_depths,
+    rays_of,
+)
 from are_ros.checks.sensors.scan_pairs import Kept
 
 HERE = Pose(np.eye(3), np.zeros(3))

@@ -9,9 +9,9 @@ from scipy.special import gammainccinv, gammaincinv
 from are_ros.bag.decoded import Perceived, Scene, Sighting
 from are_ros.checks.oracle.plane import PlainBoxes
 from are_ros.checks.oracle.solids import Cover, Covers, RealMap
-from are_ros.checks.perception.sightings import FIRST_FALSE_ALARM
 from are_ros.checks.record import Record
 from are_ros.checks.result import CheckResult, Tally, at_s, skipped
+from are_ros.checks.sightings import FIRST_FALSE_ALARM
 from are_ros.conventions import seconds_to_ns
 
 Floats = NDArray[np.float64]

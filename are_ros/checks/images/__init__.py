@@ -1,1 +1,0 @@
-"""Augmented images beside their inputs, by code that shares nothing with what wrote them."""

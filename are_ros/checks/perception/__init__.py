@@ -1,1 +1,0 @@
-"""What the robot perceives, compared with what is there."""
