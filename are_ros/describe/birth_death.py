@@ -1,8 +1,9 @@
-"""The birth-death chain of a configuration (section 3.2), and its stationary law."""
+"""The birth-death chain of a configuration (section 3.2): its law, memory and lives."""
 
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -67,6 +68,84 @@ def _poisson_tail(rate: float) -> Numbers:
     logs = sizes * math.log(rate) - rate - np.array([math.lgamma(k + 1.0) for k in sizes])
     tail: Numbers = np.minimum(np.cumsum(np.exp(logs)[::-1])[::-1], 1.0)
     return tail
+
+
+_DENSE = 600
+"""Up to so many levels the exponential of a step is computed once and applied again and again."""
+
+
+def jumps_per_s(count: int, beyond_per_s: Numbers) -> Any:
+    """Return the sparse rates (count, count) [1/s] of jumps up between neighbouring levels.
+
+    `beyond_per_s[j]` is the rate of jumps by more than j; what would leave the stretch ends at its
+    last level.
+    """
+    from scipy.sparse import csr_array, diags_array, hstack
+
+    if count == 1:
+        return csr_array((1, 1))
+    reach = min(len(beyond_per_s), count - 1)
+    by_exactly = -np.diff(np.append(beyond_per_s, 0.0))
+    offsets = np.arange(1, reach + 1)
+    inner = diags_array(by_exactly[:reach], offsets=offsets, shape=(count, count))
+    last = np.zeros((count, 1))
+    last[count - 1 - reach : count - 1, 0] = beyond_per_s[:reach][::-1]
+    return csr_array(hstack((inner.tocsc()[:, :-1], last)))
+
+
+def poisson_solution(jumps: Any, deaths_per_s: Numbers, rewards: Numbers, law: Numbers) -> Numbers:
+    """Return h with Q h = -rewards and (law, h) = 0; the rewards have mean 0 under the law.
+
+    Q is singular: its equation at the likeliest level follows from the others and is left out.
+    """
+    from scipy.sparse import diags_array
+    from scipy.sparse.linalg import spsolve
+
+    falls = np.append(0.0, deaths_per_s[1:])
+    rests = diags_array(jumps.sum(axis=1) + falls)
+    generator = jumps - rests + _one_down(falls)
+    kept = np.flatnonzero(np.arange(len(law)) != np.argmax(law))
+    h = np.zeros(len(law))
+    h[kept] = spsolve(generator.tocsr()[kept][:, kept].tocsc(), -rewards[kept])
+    return h - law @ h
+
+
+def tagged_survival(
+    jumps: Any, deaths_per_s: Numbers, levels: npt.NDArray[np.int64], met: Numbers, times_s: Numbers
+) -> Numbers:
+    """Return Pr(life > t) of one of n >= 1 artefacts, which leaves with chance 1/n per departure.
+
+    `met` is the law of the level at its beginning, `times_s` are equally spaced from 0 on.
+    """
+    from scipy.linalg import expm
+    from scipy.sparse import diags_array
+    from scipy.sparse.linalg import expm_multiply
+
+    drawn = deaths_per_s / levels
+    falls = np.append(0.0, (deaths_per_s - drawn)[1:])
+    rests = diags_array(jumps.sum(axis=1) + falls + drawn)
+    forward = (jumps - rests + _one_down(falls)).T
+    if len(levels) > _DENSE:
+        paths = expm_multiply(forward.tocsc(), met, times_s[0], times_s[-1], len(times_s))
+        survival: Numbers = np.asarray(paths).sum(axis=1)
+        return survival
+    step = expm((times_s[1] - times_s[0]) * forward.toarray())
+    survival = np.empty(len(times_s))
+    for i in range(len(times_s)):
+        survival[i] = met.sum()
+        met = step @ met
+    return survival
+
+
+def _one_down(falls_per_s: Numbers) -> Any:
+    """Return the sparse rates of falls from each level to the one below."""
+    from scipy.sparse import csr_array
+
+    levels = np.arange(1, len(falls_per_s))
+    return csr_array((falls_per_s[1:], (levels, levels - 1)), shape=(len(falls_per_s),) * 2)
+
+
+_NEGLIGIBLE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -155,8 +234,58 @@ class BirthDeath:
         room = np.minimum(self.max_alive - np.arange(len(self.law)), len(tail))
         return float(self.law @ excess[room] / (self.mean_group_size * self.share))
 
-    @property
-    def mean_stay_s(self) -> float:
-        """The mean life [s] by Little's law: how many are alive over how many are admitted."""
-        admitted_per_s = self.members_per_s * (1.0 - self.blocked_share)
-        return self.mean / admitted_per_s if admitted_per_s > 0.0 else 0.0
+    @cached_property
+    def correlation_s(self) -> float:
+        """The correlation time of N [s]: the integral of its autocorrelation; 0 if N is constant.
+
+        It is (f, h)/(f, f) under the stationary law, where f = n - E N and h solves Poisson's
+        equation Q h = -f. For independent lives without a bound it is the mean life.
+        """
+        levels = self._levels(0)
+        law = self.law[levels] / self.law[levels].sum()
+        deviations = levels - law @ levels
+        variance = float(law @ deviations**2)
+        if variance <= 0.0:
+            return 0.0
+        h = poisson_solution(self._jumps(levels), self._deaths_per_s(levels), deviations, law)
+        return float(law @ (deviations * h)) / variance
+
+    def survival(self, end_s: float, steps: int) -> Numbers:
+        """Return Pr(life > t) at `steps` times from 0 to `end_s`, float64 (steps,).
+
+        Exponential where lives are independent. At a constant rate it is the law of the time until
+        an artefact is drawn that came, with its group, in the stationary state.
+        """
+        times_s = np.linspace(0.0, end_s, steps)
+        if self.departures is Departures.INDEPENDENT:
+            survival: Numbers = np.exp(-times_s / self.mean_life_s)
+            return survival
+        levels = self._levels(1)
+        met = self._met()[levels]
+        return tagged_survival(
+            self._jumps(levels), self._deaths_per_s(levels), levels, met / met.sum(), times_s
+        )
+
+    def _levels(self, least: int) -> npt.NDArray[np.int64]:
+        """Return the contiguous levels from `least` up that are not negligible."""
+        kept = np.flatnonzero(self.law > _NEGLIGIBLE)
+        low = max(int(kept[0]), least)
+        return np.arange(low, max(int(kept[-1]), low) + 1)
+
+    def _jumps(self, levels: npt.NDArray[np.int64]) -> Any:
+        tail = group_tail(self.mean_group_size, self.share)
+        return jumps_per_s(len(levels), self.groups_per_s * tail)
+
+    def _deaths_per_s(self, levels: npt.NDArray[np.int64]) -> Numbers:
+        is_independent = self.departures is Departures.INDEPENDENT
+        deaths: Numbers = (levels if is_independent else np.minimum(levels, 1)) / self.mean_life_s
+        return deaths
+
+    def _met(self) -> Numbers:
+        """Return, up to a factor, how likely a newcomer makes its group's level n on arrival."""
+        tail = np.append(group_tail(self.mean_group_size, self.share), 0.0)
+        met, levels = np.zeros(len(self.law)), np.arange(len(self.law))
+        for size, chance in enumerate((tail[:-1] - tail[1:]).tolist(), start=1):
+            admitted = np.minimum(size, self.max_alive - levels)
+            np.add.at(met, levels + admitted, chance * self.law * admitted)
+        return met

@@ -135,9 +135,9 @@ def _text(value: Value) -> str:
 # The population: arrivals, lives, and the law of the number alive.
 
 
-_SETTLED = 3.0
-"""After so many mean lives a population has forgotten that it began empty."""
 _WORTH_A_WORD = 0.001
+_SETTLED = 3.0
+"""After so many correlation times 95 % of the expected number are there."""
 
 
 def population_lines(
@@ -156,7 +156,7 @@ def population_lines(
         ("law", _law_text(chain)),
         ("", _exactness_text(chain)),
         ("bound", _bound_text(chain)),
-        *_beginning_rows(chain),
+        *_memory_rows(chain),
         *_forever_rows(chain, probabilities, catalogue, site),
     ]
     lines = section(f"Population {where}", aligned(rows))
@@ -215,7 +215,8 @@ def _life_text(chain: BirthDeath) -> str:
     if chain.departures is Departures.INDEPENDENT:
         return f"exponential, mean {chain.mean_life_s:g} s"
     text = "until it is drawn, uniformly among those alive"
-    mean = f": mean {_duration(chain.mean_stay_s)}" if chain.mean_stay_s > 0.0 else ""
+    admitted_per_s = chain.members_per_s * (1.0 - chain.blocked_share)
+    mean = f": mean {_duration(chain.mean / admitted_per_s)}" if admitted_per_s > 0.0 else ""
     return text + mean
 
 
@@ -264,12 +265,13 @@ def _bound_text(chain: BirthDeath) -> str:
     return f"{text}; it blocks hardly anyone" if chain.members_per_s > 0.0 else text
 
 
-def _beginning_rows(chain: BirthDeath) -> list[tuple[str, str]]:
-    """Return how long a run takes to fill, nothing where nobody comes."""
-    if chain.mean_stay_s <= 0.0:
+def _memory_rows(chain: BirthDeath) -> list[tuple[str, str]]:
+    """Return for how long the number alive remembers, nothing where it never changes."""
+    if chain.members_per_s <= 0.0 or chain.max_alive == 0:
         return []
-    settled = _duration(_SETTLED * chain.mean_stay_s)
-    return [("at first", f"a run begins empty: fewer in its first {settled}")]
+    forgets, settled = (_duration(n * chain.correlation_s) for n in (1.0, _SETTLED))
+    text = f"forgotten in about {forgets} (correlation time)"
+    return [("memory", f"{text}; a run begins empty: fewer in its first {settled}")]
 
 
 def _forever_rows(

@@ -23,8 +23,8 @@ from are_ros.population.departures import Cause, departure_law
 from are_ros.population.mixture import mixture_of
 from are_ros.population.population import EventKind, Place, Population, PopulationEvent
 
-MEAN_STAYS: Final = 100
-"""How many mean lives a trial lasts, once N has come to its likeliest level."""
+CORRELATIONS: Final = 100
+"""How many correlation times of N a trial lasts, once N has come to its likeliest level."""
 LEAST_GROUPS: Final = 500
 MOST_MEMBERS: Final = 3_000
 
@@ -106,7 +106,7 @@ def _sampled(
 ) -> Trial:
     """Let the population live until there is enough to see, and return what happened."""
     likeliest = int(np.argmax(chain.law))
-    wanted_s = max(MEAN_STAYS * chain.mean_stay_s, LEAST_GROUPS / chain.groups_per_s)
+    wanted_s = max(CORRELATIONS * chain.correlation_s, LEAST_GROUPS / chain.groups_per_s)
     offered: list[PopulationEvent] = []
     arrived_s: dict[int, float] = {}
     points_m: list[tuple[float, float]] = []

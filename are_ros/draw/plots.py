@@ -35,6 +35,9 @@ from are_ros.wording import counted
 
 _DPI: Final = 120
 _SIZE_IN: Final = (11.5, 5.2)
+_SMALLEST_GAP: Final = 1e-12
+_STRAIGHT_TO: Final = 10.0
+_MOST_TICKS: Final = 7
 _NAMED_SHARE: Final = 0.05
 """A class's block of rows is named if it is at least so wide, as a share of all rows."""
 INK_HEX, FAINT_INK_HEX, EDGE_HEX, BAR_HEX = map(hex_of, (INK, FAINT_INK, EDGE, BAR))
@@ -99,11 +102,12 @@ def draw_fit(
     likelihood = f"log-likelihood per sample {chosen.log_likelihood_per_sample:.5f}"
     with written_figure(path, _SIZE_IN) as figure:
         write_head(figure, 0.63, title, [source, likelihood, f"BIC {chosen.bic:.1f}"])
-        has_bic = len(fits) > 1 and is_by_bic
-        width = 0.58 if has_bic else 0.925
-        _draw_laws(figure.add_axes((0.055, 0.105, width, 0.72)), counts, chosen, catalogue)
-        if has_bic:
-            _draw_bic(figure.add_axes((0.71, 0.105, 0.27, 0.72)), fits, chosen)
+        _draw_laws(figure.add_axes((0.055, 0.105, 0.58, 0.72)), counts, chosen, catalogue)
+        if len(fits) > 1 and is_by_bic:
+            _draw_climb(figure.add_axes((0.71, 0.56, 0.27, 0.265)), chosen)
+            _draw_bic(figure.add_axes((0.71, 0.105, 0.27, 0.275)), fits, chosen)
+        else:
+            _draw_climb(figure.add_axes((0.71, 0.105, 0.27, 0.72)), chosen)
 
 
 def _draw_laws(
@@ -150,13 +154,58 @@ def _name_block(axes: Any, middle: float, name: str, colour: str) -> None:
     axes.text(middle, 1.01, name, **style)
 
 
+def _draw_climb(axes: Any, chosen: MixtureFit) -> None:
+    """Draw how far below its end the log-likelihood was at each point of the best climb.
+
+    It ends where nothing was gained any more; the name of the axis says how many there were.
+    """
+    from matplotlib.ticker import MaxNLocator
+
+    trace = chosen.trace
+    below = np.maximum(trace[-1] - trace, _SMALLEST_GAP)
+    shown = climb_length(below)
+    axes.semilogy(np.arange(1, shown + 1), below[:shown], color=INK_HEX, lw=1.3)
+    if shown > 100:
+        axes.set_xscale("log")
+    else:
+        axes.xaxis.set_major_locator(MaxNLocator(8, integer=True))
+    axes.set_ylim(0.5 * _SMALLEST_GAP, 3.0 * max(float(below.max()), 10.0 * _SMALLEST_GAP))
+    across = f"point of the search, of {len(below)}"
+    name_axes(axes, "convergence", across, "below the end, per sample")
+
+
+def climb_length(below: npt.NDArray[np.float64]) -> int:
+    """Return how many points (N,) show all of a climb: a few of those that gained nothing more."""
+    last = np.flatnonzero(below > _SMALLEST_GAP)
+    climbing = int(last[-1]) + 1 if len(last) else 0
+    return min(len(below), climbing + max(2, climbing // 10))
+
+
+def bic_ticks(most: float) -> list[int]:
+    """Return 0 and round numbers up to a height above 10, for an axis that is straight to there.
+
+    They are few: without twos and fives where there would be more than seven.
+    """
+    decades = range(1, math.floor(math.log10(most)) + 1)
+    for factors in ((1, 2, 5), (1, 5), (1,)):
+        above = [factor * 10**decade for decade in decades for factor in factors]
+        half = [5] if len(factors) > 1 else []
+        ticks = [0, *half, *(tick for tick in above if tick <= most)]
+        if len(ticks) <= _MOST_TICKS:
+            break
+    return ticks
+
+
 def _draw_bic(axes: Any, fits: Sequence[MixtureFit], chosen: MixtureFit) -> None:
     """Draw by how much the BIC of each number of components lies above the least."""
     numbers = [fit.components for fit in fits]
     above = [fit.bic - chosen.bic for fit in fits]
     axes.plot(numbers, above, color=INK_HEX, lw=1.0, marker="o", ms=3.5)
     axes.plot([chosen.components], [0.0], "o", color=_COMPONENTS[0], ms=7.0)
-    axes.set_yscale("symlog", linthresh=10.0)
+    if max(above) > _STRAIGHT_TO:
+        axes.set_yscale("symlog", linthresh=_STRAIGHT_TO)
+        ticks = bic_ticks(max(above))
+        axes.set_yticks(ticks, [f"{tick:,}" for tick in ticks])
     axes.set_xticks(numbers)
     name_axes(axes, "number of components", "components", "BIC above the least")
 
@@ -173,7 +222,7 @@ _BINS: Final = 40
 _QUANTILE: Final = 0.995
 _SEPARATE_BARS: Final = 40
 _CUT_FROM: Final = 0.001
-_SHOWN_STAYS: Final = 25.0
+_SHOWN_CORRELATIONS: Final = 25.0
 _SHOWN_GROUPS: Final = (60.0, 250.0)
 _PANEL_PX_PER_IN: Final = 240.0
 _MOST_TINT: Final = 0.16
@@ -277,7 +326,7 @@ def _shown_s(trial: Trial) -> float:
     """Return how long the beginning of a trial is that is shown [s]."""
     chain = trial.chain
     least_s, most_s = (groups / chain.groups_per_s for groups in _SHOWN_GROUPS)
-    wanted_s = min(max(_SHOWN_STAYS * chain.mean_stay_s, least_s), most_s)
+    wanted_s = min(max(_SHOWN_CORRELATIONS * chain.correlation_s, least_s), most_s)
     return min(wanted_s, trial.end_s)
 
 
@@ -331,7 +380,8 @@ def _draw_waits(axes: Any, trial: Trial) -> None:
     """Draw the waiting times between arrivals and their exponential density (the Fig. 3a)."""
     law_mean_s, mean_s = 1.0 / trial.chain.groups_per_s, float(trial.waits_s.mean())
     reach_s, unit_s, name = _reach(trial.waits_s)
-    _draw_density(axes, trial.waits_s, reach_s, law_mean_s, unit_s)
+    times_s = np.linspace(0.0, reach_s, 200)
+    _draw_density(axes, trial.waits_s, times_s, np.exp(-times_s / law_mean_s) / law_mean_s, unit_s)
     noun = "groups" if trial.chain.is_grouped else "arrivals"
     count = f"{len(trial.waits_s)} {noun}, mean {mean_s / unit_s:.3g} {name}"
     _write(axes, [count])
@@ -340,15 +390,17 @@ def _draw_waits(axes: Any, trial: Trial) -> None:
 
 
 def _draw_lives(axes: Any, trial: Trial) -> None:
-    """Draw the lives and their density, exponential where they are independent."""
+    """Draw the lives and their density: exponential, or that of lives drawn at random."""
     chain, lives_s = trial.chain, trial.lives_s
     if not len(lives_s):
         _write(axes, ["no artefact has left yet"])
         name_axes(axes, "lives")
         return
     reach_s, unit_s, name = _reach(lives_s)
-    mean_s = chain.mean_life_s if chain.departures is Departures.INDEPENDENT else None
-    _draw_density(axes, lives_s, reach_s, mean_s, unit_s)
+    times_s = np.linspace(0.0, reach_s, 201)
+    density = -np.diff(chain.survival(reach_s, len(times_s))) / np.diff(times_s)
+    middles_s = 0.5 * (times_s[1:] + times_s[:-1])
+    _draw_density(axes, lives_s, middles_s, density, unit_s)
     lines = [
         f"{len(lives_s)} lives, mean {float(lives_s.mean()) / unit_s:.3g} {name},",
         "of artefacts that came in the",
@@ -378,19 +430,15 @@ def _draw_rows(axes: Any, trial: Trial, catalogue: Catalogue, probabilities: Flo
 
 
 def _draw_density(
-    axes: Any, sample_s: Floats, reach_s: float, mean_s: float | None, unit_s: float
+    axes: Any, sample_s: Floats, times_s: Floats, density: Floats, unit_s: float
 ) -> None:
-    """Draw times as a histogram, and the exponential law of a mean, if there is one."""
+    reach_s = float(times_s[-1])
     edges_s = np.linspace(0.0, reach_s, _BINS + 1)
     heights = np.histogram(sample_s, edges_s)[0] / (len(sample_s) * np.diff(edges_s))
     axes.stairs(heights * unit_s, edges_s / unit_s, fill=True, color=BAR_HEX)
-    highest = float(heights.max())
-    if mean_s is not None:
-        times_s = np.linspace(0.0, reach_s, 200)
-        density = np.exp(-times_s / mean_s) / mean_s
-        axes.plot(times_s / unit_s, density * unit_s, color=_LAW, lw=1.5)
-        highest = max(highest, float(density.max()))
-    axes.set(xlim=(0.0, reach_s / unit_s), ylim=(0.0, 1.12 * unit_s * highest))
+    axes.plot(times_s / unit_s, density * unit_s, color=_LAW, lw=1.5)
+    top = 1.12 * unit_s * max(float(heights.max()), float(density.max()))
+    axes.set(xlim=(0.0, reach_s / unit_s), ylim=(0.0, top))
 
 
 def _reach(times_s: Floats) -> tuple[float, float, str]:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 import yaml
 
 from are_ros.fit.observed import ObservedRows, RowSpace
@@ -18,6 +19,8 @@ PARAMETERS: Final = "fitted.yaml"
 RECORD: Final = "fit.json"
 PICTURE: Final = "fit.png"
 RESULTS: Final = (PARAMETERS, RECORD, PICTURE)
+
+_RECORDED_STEPS: Final = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +102,7 @@ def write_parameters(outcome: FitOutcome, folder: Path) -> None:
 
 
 def record_content(outcome: FitOutcome) -> dict[str, Any]:
-    """Return the record of a fit, for fit.json: numbers, where they come from, the searches."""
+    """Return the record of a fit, for fit.json: numbers, where they come from, how it converged."""
     chosen = outcome.chosen
     return {
         "input": {
@@ -130,6 +133,7 @@ def record_content(outcome: FitOutcome) -> dict[str, Any]:
                 }
                 for search in chosen.searches
             ],
+            "log_likelihood_per_sample": _thinned(chosen.trace),
         },
         "fits": [
             {
@@ -229,6 +233,12 @@ def _class_content(outcome: FitOutcome) -> dict[str, float]:
         return {}
     shares = catalogue.class_probabilities(outcome.chosen.law.probabilities())
     return dict(zip(catalogue.class_names, shares.tolist(), strict=True))
+
+
+def _thinned(trace: npt.NDArray[np.float64]) -> list[list[float]]:
+    """Return the numbers of steps, ever farther apart, and the log-likelihood after each."""
+    steps = np.unique(np.geomspace(1, len(trace), _RECORDED_STEPS).astype(np.int64)) - 1
+    return [[int(step), float(trace[step])] for step in steps]
 
 
 def _number(value: float) -> float | None:

@@ -1,4 +1,4 @@
-"""Tests of the birth-death chain: balance and blocking, against other ways."""
+"""Tests of the birth-death chain: balance, blocking, memory and lives, against other ways."""
 
 import math
 
@@ -7,7 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
+from scipy.integrate import trapezoid
+from scipy.linalg import expm
 
+from are_ros.describe import birth_death
 from are_ros.describe.birth_death import BirthDeath, group_tail
 from are_ros.parameters.choices import Departures
 from are_ros.parameters.model import Parameters
@@ -80,20 +83,59 @@ def test_groups_of_independent_lives_have_the_known_deviation() -> None:
     assert chain.deviation**2 == pytest.approx(2.0 * (1.0 + 2.0 * a + 0.5 * a * a))
 
 
-def test_independent_lives_have_their_mean_also_by_littles_law() -> None:
-    """The mean number over the rate of admissions, with a bound in reach and without."""
-    for bound in (3, 200):
-        chain = BirthDeath(0.5, 1.0, 8.0, INDEPENDENT, bound)
-        assert chain.mean_stay_s == pytest.approx(8.0)
-    assert BirthDeath(0.6, 1.0, 2.0, CONSTANT, 1).mean_stay_s == pytest.approx(2.0)
+@settings(max_examples=30, deadline=None)
+@given(chain=chains)
+def test_correlation_time_is_the_integral_of_the_autocorrelation(chain: BirthDeath) -> None:
+    """The same by the fundamental matrix of the dense generator."""
+    ones = np.outer(np.ones(chain.max_alive + 1), chain.law)
+    fundamental = np.linalg.inv(ones - _dense_generator(chain)) - ones
+    off_mean = np.arange(chain.max_alive + 1) - chain.mean
+    expected = (chain.law * off_mean) @ fundamental @ off_mean / chain.deviation**2
+    assert chain.correlation_s == pytest.approx(expected, rel=1e-6)
+
+
+def test_independent_lives_are_remembered_for_their_mean() -> None:
+    """Without a bound in reach the autocorrelation is exp(-t/life), with groups and without."""
+    assert BirthDeath(0.5, 1.0, 8.0, INDEPENDENT, 200).correlation_s == pytest.approx(8.0)
+    assert BirthDeath(0.5, 3.0, 8.0, INDEPENDENT, 400).correlation_s == pytest.approx(8.0)
+
+
+def test_lives_have_littles_mean() -> None:
+    """Under either law the mean life is the mean number over the rate of admissions."""
+    for chain in (
+        BirthDeath(0.5, 1.0, 8.0, INDEPENDENT, 3),
+        BirthDeath(0.6, 1.0, 1.0, CONSTANT, 200),
+        BirthDeath(0.2, 3.0, 1.0, CONSTANT, 9),
+        BirthDeath(2.0, 2.0, 1.0, CONSTANT, 7, share=0.6),
+    ):
+        little_s = chain.mean / (chain.members_per_s * (1.0 - chain.blocked_share))
+        survival = chain.survival(60.0 * little_s, 6001)
+        assert survival[0] == pytest.approx(1.0)
+        assert trapezoid(survival, dx=0.01 * little_s) == pytest.approx(little_s, rel=1e-3)
+
+
+def test_a_life_alone_is_exponential() -> None:
+    """With room for one only, who came leaves at rate 1/mean: the drawing has no choice."""
+    survival = BirthDeath(0.6, 1.0, 2.0, CONSTANT, 1).survival(6.0, 7)
+    assert survival == pytest.approx(np.exp(-0.5 * np.arange(7.0)))
+
+
+def test_a_life_among_two_is_that_of_the_tagged_chain() -> None:
+    """With room for two: alone or with another one, written down as a matrix of 2 x 2."""
+    rate, life_s = 0.7, 2.0
+    chain = BirthDeath(rate, 1.0, life_s, CONSTANT, 2)
+    tagged = np.array([[-rate - 1.0 / life_s, rate], [0.5 / life_s, -1.0 / life_s]])
+    met = chain.law[:2] / chain.law[:2].sum()
+    expected = [float(met @ expm(t * tagged) @ np.ones(2)) for t in range(5)]
+    assert chain.survival(4.0, 5) == pytest.approx(expected)
 
 
 def test_nobody_comes() -> None:
-    """Without arrivals, or without room, nothing is blocked or divided by 0."""
+    """Without arrivals, or without room, nothing is blocked, correlated or divided by 0."""
     empty = BirthDeath(0.0, 1.0, 60.0, INDEPENDENT, 5)
-    assert (empty.mean, empty.blocked_share, empty.mean_stay_s) == (0.0, 0.0, 0.0)
+    assert (empty.mean, empty.blocked_share, empty.correlation_s) == (0.0, 0.0, 0.0)
     shut = BirthDeath(1.0, 2.0, 60.0, INDEPENDENT, 0)
-    assert (shut.mean, shut.mean_stay_s, shut.band()) == (0.0, 0.0, (0, 0))
+    assert (shut.mean, shut.correlation_s, shut.band()) == (0.0, 0.0, (0, 0))
     assert shut.blocked_share == pytest.approx(1.0)
 
 
@@ -101,3 +143,11 @@ def test_nobody_comes() -> None:
 def test_members_that_count(mean: float, share: float) -> None:
     """The tail sums to the mean number of members that count."""
     assert group_tail(mean, share).sum() == pytest.approx(mean * share, abs=1e-9)
+
+
+def test_many_levels_take_another_way_to_the_same_lives(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the matrix would be too large its exponential is applied without being computed."""
+    chain = BirthDeath(0.6, 2.0, 1.0, CONSTANT, 20)
+    expected = chain.survival(30.0, 31)
+    monkeypatch.setattr(birth_death, "_DENSE", 0)
+    assert chain.survival(30.0, 31) == pytest.approx(expected, abs=1e-9)

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from are_ros.describe import population_trial
 from are_ros.describe.birth_death import BirthDeath
@@ -125,3 +126,27 @@ def test_nobody_comes(
     """What would never end is refused."""
     with pytest.raises(ParameterError, match="nobody ever comes"):
         _trial(parameters_of(**values), catalogue, Site())
+
+
+@pytest.mark.parametrize("group", [1.0, 2.0])
+def test_lives_at_a_constant_rate_are_those_of_the_tagged_chain(
+    group: float,
+    monkeypatch: pytest.MonkeyPatch,
+    parameters_of: ParametersOf,
+    catalogue: Catalogue,
+) -> None:
+    """KS of every 40th life, several correlation times apart; level 1/1,000, and no exponential."""
+    monkeypatch.setattr(population_trial, "MOST_MEMBERS", 8000)
+    monkeypatch.setattr(population_trial, "CORRELATIONS", 5000)
+    parameters = parameters_of(
+        population__departures="constant_rate",
+        population__group_size=group,
+        population__arrival_rate=0.5 / group / 60.0 / 100.0,
+    )
+    trial = _trial(parameters, catalogue, Site())
+    lives_s = trial.lives_s[::40]
+    times_s = np.linspace(0.0, 60_000.0, 6001)
+    died = 1.0 - trial.chain.survival(times_s[-1], len(times_s))
+    assert len(lives_s) > 150
+    assert stats.kstest(lives_s, lambda at_s: np.interp(at_s, times_s, died)).pvalue > 1e-3
+    assert stats.kstest(lives_s, "expon", args=(0.0, 60.0)).pvalue < 1e-3

@@ -51,7 +51,7 @@ def test_the_parameters_are_what_node_and_replay_take(rows_file: Path, tmp_path:
 
 
 def test_the_record_holds_what_was_found(rows_file: Path, tmp_path: Path) -> None:
-    """fit.json has the counts, the components with errors, BIC per n, and the searches."""
+    """fit.json has the counts, the components with errors, BIC per n, and the climb."""
     run(FitOptions(rows_file, tmp_path, max_components=4))
     record = json.loads((tmp_path / "fit.json").read_text(encoding="utf-8"))
     assert record["input"]["samples"] == sum(record["input"]["counts"]) == 3_000
@@ -60,6 +60,11 @@ def test_the_record_holds_what_was_found(rows_file: Path, tmp_path: Path) -> Non
     assert all(0.0 < each["rate_error"] < 0.2 for each in record["mixture"]["components"])
     assert sum(record["mixture"]["classes"].values()) == pytest.approx(1.0)
     assert [each["components"] for each in record["fits"]] == [1, 2, 3, 4]
+    steps, trace = np.array(record["convergence"]["log_likelihood_per_sample"]).T
+    assert steps[0] == 0
+    assert steps[-1] + 1 == record["convergence"]["searches"][0]["steps"]
+    assert trace[-1] == pytest.approx(record["mixture"]["log_likelihood_per_sample"])
+    assert min(np.diff(trace)) >= -1e-12
     assert record["convergence"]["searches"][0]["stop"].startswith("a step of EM gained")
 
 
