@@ -30,14 +30,14 @@ def soak(**options: Any) -> None:
     """Let artefacts live on a map, beside a robot that drives about, and judge each sub-step.
 
     A program of its own looks for overlaps, broken limits of motion, stands without a cause and
-    deadlocks. It prints the verdict; the output folder gets soak.json. The exit status is 3 if
-    anything was found that must not be.
+    deadlocks. It prints the verdict; the output folder gets soak.json and soak.png, a picture of
+    all ways. The exit status is 3 if anything was found that must not be.
     """
     from tqdm import tqdm
 
     from are_ros.builder.assembly import catalogue_of
     from are_ros.lab.soak import soak as run
-    from are_ros.lab.soak import write_soak
+    from are_ros.lab.soak_picture import write_soak
     from are_ros.replay.command import effective_parameters
     from are_ros.world.map_io import read_map_file
 
@@ -56,7 +56,7 @@ def soak(**options: Any) -> None:
         result = run(
             grid, parameters, catalogue_of(parameters), artefact_minutes=minutes, progress=move
         )
-    write_soak(result, options["out"])
+    write_soak(result, grid, options["out"])
     for line in result.table():
         click.echo(line)
     say(f"results in {options['out']}")

@@ -3,11 +3,9 @@
 Nothing is rendered: ticks run at the sub-steps, and their ground truth goes to the judge.
 """
 
-import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,14 +17,14 @@ from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.tick import Demand, Tick
 from are_ros.checks.oracle.solids import RealMap
 from are_ros.conventions import NS_PER_S
-from are_ros.errors import InputError, MapError, ParameterError
+from are_ros.errors import MapError, ParameterError
 from are_ros.lab.motion_judge import Limits, MotionJudge
 from are_ros.lab.verdict import Verdict
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue, MotionLimits
 from are_ros.population.randomness import Purpose, generator
-from are_ros.wording import counted, why_refused
+from are_ros.wording import counted
 from are_ros.world.environment import Environment
 from are_ros.world.occupancy_grid import OccupancyGrid
 
@@ -120,6 +118,7 @@ _ALONG_AXIS_RAD = math.radians(5.0)
 class Way:
     """The positions of an artefact, twice a second; `jumps` are the points it was displaced to."""
 
+    class_name: str = ""
     points_m: list[tuple[float, float]] = field(default_factory=list)
     jumps: set[int] = field(default_factory=set)
 
@@ -135,6 +134,7 @@ class SoakResult:
     simulated_s: float
     seed: int
     ways: dict[int, Way]
+    robot_way_m: list[tuple[float, float]] = field(default_factory=list)
     map_yaw_rad: float = 0.0
 
     @property
@@ -199,17 +199,6 @@ class SoakResult:
         }
 
 
-def write_soak(result: SoakResult, folder: Path) -> None:
-    """Write soak.json into a folder, made if need be; InputError where that fails."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(result.as_json(), indent=2)
-        (folder / "soak.json").write_text(text + "\n", encoding="utf-8")
-    except OSError as cause:
-        message = f"{folder}: the results cannot be written ({why_refused(cause)})"
-        raise InputError(message) from cause
-
-
 def soak(
     grid: OccupancyGrid,
     parameters: Parameters,
@@ -254,7 +243,9 @@ class SoakRun:
         self._is_robot_seen = False
         self._touching: set[int] = set()
         self._index = 0
+        self._rows = catalogue.rows
         self._ways: dict[int, Way] = {}
+        self._robot_way_m: list[tuple[float, float]] = []
 
     @property
     def now_s(self) -> float:
@@ -297,6 +288,7 @@ class SoakRun:
             self.now_s,
             self.builder.parameters.seed,
             self._ways,
+            self._robot_way_m,
             self._map_yaw_rad,
         )
 
@@ -315,11 +307,13 @@ class SoakRun:
     def _remember(self, states: tuple[ArtefactState, ...], jumped: frozenset[int]) -> None:
         """Keep the ways, at the instants of a coarser clock and about jumps."""
         is_due = self._index % max(1, round(_WAY_STEP_S / self._step_s)) == 0
+        if is_due:
+            self._robot_way_m.append((self._robot.x_m, self._robot.y_m))
         for state in states:
             is_jump = state.artefact_id in jumped
             if not is_due and not is_jump:
                 continue
-            way = self._ways.setdefault(state.artefact_id, Way())
+            way = self._ways.setdefault(state.artefact_id, Way(self._rows[state.row].class_name))
             here_m = (state.ground_pose.x_m, state.ground_pose.y_m)
             if is_jump:
                 way.jumps.add(len(way.points_m))

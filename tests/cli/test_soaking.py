@@ -48,10 +48,11 @@ def test_a_clean_soak_prints_a_table_and_writes_files(room: Path, tmp_path: Path
     assert done.exit_code == 0, done.output
     assert "artefact-minutes" in done.output
     assert "overlaps with walls" in done.output
-    assert sorted(path.name for path in out.iterdir()) == ["soak.json"]
+    assert sorted(path.name for path in out.iterdir()) == ["soak.json", "soak.png"]
     numbers = json.loads((out / "soak.json").read_text(encoding="utf-8"))
     assert numbers["is_clean"] is True
     assert 0.5 <= numbers["artefact_minutes"] < 0.6
+    assert (out / "soak.png").read_bytes()[:4] == b"\x89PNG"
 
 
 def test_what_is_found_is_said_by_the_status(room: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,8 @@ import pytest
 from are_ros.builder.files.catalogue_file import read_catalogue
 from are_ros.errors import InputError, MapError, ParameterError
 from are_ros.lab.motion_judge import MotionJudge
-from are_ros.lab.soak import RovingRobot, SoakResult, Way, soak, write_soak
+from are_ros.lab.soak import RovingRobot, SoakResult, Way, soak
+from are_ros.lab.soak_picture import draw_soak, write_soak
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.world.environment import Environment, PlaneGround
@@ -131,7 +132,7 @@ def test_a_population_on_open_ground_does_not_keep_to_the_grid() -> None:
     result = soaked(grid, 30.0, parameters(4e-4, **PEOPLE))
     assert result.is_clean, result.table()
     assert result.along_axes_share < 0.25
-    straight = {1: Way([(0.0, 0.0), (3.0, 0.1), (3.0, 9.0), (4.0, 10.0)])}
+    straight = {1: Way("", [(0.0, 0.0), (3.0, 0.1), (3.0, 9.0), (4.0, 10.0)])}
     straight[1].jumps.add(2)
     share = replace(result, ways=straight, map_yaw_rad=0.0).along_axes_share
     assert share == pytest.approx(3.0 / (3.0 + math.sqrt(2.0)), abs=1e-3)
@@ -162,13 +163,27 @@ def test_resolved_collisions_excuse_as_many_brakings() -> None:
 
 
 def test_a_report_is_written(tmp_path: Path) -> None:
-    """Numbers, into a folder that was not there."""
+    """Numbers and a picture, into a folder that was not there."""
     result = soak(office(), parameters(0.01, **PEOPLE), CATALOGUE, longest_s=5.0)
-    write_soak(result, tmp_path / "a" / "b")
+    write_soak(result, office(), tmp_path / "a" / "b")
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match=r"file: the results cannot be written \(it is a file\)"):
-        write_soak(result, tmp_path / "file")
-    assert sorted(p.name for p in (tmp_path / "a" / "b").iterdir()) == ["soak.json"]
+        write_soak(result, office(), tmp_path / "file")
+    assert sorted(p.name for p in (tmp_path / "a" / "b").iterdir()) == ["soak.json", "soak.png"]
+
+
+def test_the_picture_shows_the_known_part(tmp_path: Path) -> None:
+    """Unknown margins are cut off: it is the same as that of the room alone."""
+    crowded = soak(room(), parameters(0.05, **PEOPLE), CATALOGUE, longest_s=10.0)
+    cells = np.full((200, 300), -1, np.int8)
+    cells[70:130, 100:160] = room().cells
+    origin = RigidTransform.planar(-10.0, -7.0, 0.0)
+    draw_soak(crowded, OccupancyGrid(cells, 0.1, origin, "map"), tmp_path / "wide.png")
+    draw_soak(crowded, room(), tmp_path / "room.png")
+    picture = (tmp_path / "room.png").read_bytes()
+    assert (tmp_path / "wide.png").read_bytes() == picture
+    draw_soak(replace(crowded, ways={}), room(), tmp_path / "empty.png")
+    assert (tmp_path / "empty.png").read_bytes() != picture
 
 
 def test_the_robot_stays_clear_of_walls_and_gets_about() -> None:

@@ -324,7 +324,7 @@ def _met(rays: Floats, corner: Floats) -> Floats:
     weights = [x * a + y * b + z * c for a, b, c in columns.tolist()]
     total = weights[0] + weights[1] + weights[2]
     is_met = (weights[0] >= 0.0) & (weights[1] >= 0.0) & (weights[2] >= 0.0) & (total > 0.0)
-    return np.divide(1.0, total, out=np.full(len(rays), np.inf), where=is_met)
+    return np.asarray(np.divide(1.0, total, out=np.full(len(rays), np.inf), where=is_met))
 
 
 def box_triangles() -> Floats:
