@@ -215,7 +215,7 @@ def test_a_process_of_its_own_says_one_sentence(
         (("play", "none.mcap"), "none.mcap: there is no such file or folder"),
         (("play", SAMPLE, "--remap", "/scan"), "--remap /scan: it must be /FROM:=/TO"),
         (("play", SAMPLE, "--clock", 0, "--lockstep", "a"), "--lockstep needs /clock"),
-        (("record", "none.db3"), "none.db3: a recording is an .mcap file, or a folder"),
+        (("record", "none.db3"), "none.db3: a recording is an .mcap file"),
         (("record", SAMPLE), "exists already; choose another name, or --overwrite"),
         (("demo", "none.mcap"), "none.mcap: there is no such file or folder"),
     ],

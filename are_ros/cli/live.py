@@ -159,7 +159,7 @@ def play(**options: Any) -> None:
 @click.option("--use-sim-time", is_flag=True, help="Log times are those of /clock.")
 @click.option("--overwrite", is_flag=True, help="Replace a recording that is there.")
 def record(**options: Any) -> None:
-    """Record live topics, until Ctrl-C, into OUT: an .mcap file, or a rosbag2 folder."""
+    """Record live topics, until Ctrl-C, into OUT, an .mcap file."""
     _require_ros()
     from are_ros.record.commands import record_command
 

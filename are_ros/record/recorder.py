@@ -10,7 +10,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
 from are_ros.bag.types import InstalledTypes
-from are_ros.bag.writer import BagWriter, describe_folder
+from are_ros.bag.writer import BagWriter
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.record.file import FileWriter, SimulatedClock, WallClock
 from are_ros.record.inbox import Inbox, Stamped
@@ -135,15 +135,13 @@ def record(
     options.prepare_place()
     types = InstalledTypes()
     clock = SimulatedClock(say) if options.use_sim_time else WallClock()
-    bag = BagWriter(options.file, types.store, notes=_NOTES, keeps_partial=True)
+    bag = BagWriter(options.path, types.store, notes=_NOTES, keeps_partial=True)
     with ros_session(NODE_NAME, has_services=True) as node, FileWriter(bag) as file:
         inbox = Inbox(node)
         follower = TopicFollower(node, options, types, inbox, file, say)
         recording = _Recording(options, inbox, RequestQueue(node), follower, file, clock)
         recording.run(awaited, on_ready, should_stop)
         recording.finish()
-    if options.is_folder:
-        describe_folder(options.file)
     return recording.outcome()
 
 
@@ -200,9 +198,9 @@ class _Recording:
     def outcome(self) -> RecordOutcome:
         """Return the result, once the file is closed."""
         return RecordOutcome(
-            file=self._options.file,
+            file=self._options.path,
             counts=self._file.counts(),
-            file_bytes=self._options.file.stat().st_size,
+            file_bytes=self._options.path.stat().st_size,
             skipped=self._follower.skipped,
             missed=self._inbox.missed(),
             dropped=self._file.dropped + self._clock.dropped,

@@ -22,14 +22,11 @@ from are_ros.wording import why_refused
 # The options of a recording.
 
 
-_OTHER_KINDS = (".bag", ".db3", ".part", ".yaml")
-
-
 @dataclass(frozen=True)
 class RecordOptions:
     """The options of `are record`.
 
-    `path` is an .mcap file, or a folder that becomes a rosbag2 recording. `topics` (empty: all
+    `path` is an .mcap file. `topics` (empty: all
     but hidden ones) and `exclude` are names, in which * and ? stand for anything. `wait_for`:
     the recording is ready when these have a publisher. `duration_s` counts from then on, in
     simulated seconds if `use_sim_time`: log times are then /clock's. Existing files are kept
@@ -63,40 +60,28 @@ class RecordOptions:
                 raise BagError(f"{name} is waited for, but it is not among the topics to record")
         return names
 
-    @property
-    def is_folder(self) -> bool:
-        """Whether the recording is a rosbag2 folder."""
-        return self.path.suffix != ".mcap"
-
-    @property
-    def file(self) -> Path:
-        """The MCAP file, in a folder named as rosbag2 does."""
-        return self.path / f"{self.path.name}_0.mcap" if self.is_folder else self.path
-
     def prepare_place(self) -> None:
         """Make the folder of the file; BagError if it cannot be, or something stands there."""
-        if self.path.suffix in _OTHER_KINDS:
-            raise BagError(f"{self.path}: a recording is an .mcap file, or a folder")
-        if self.file.is_dir():
-            raise BagError(f"{self.file} is a folder; choose another name")
+        if self.path.suffix != ".mcap":
+            raise BagError(f"{self.path}: a recording is an .mcap file")
+        if self.path.is_dir():
+            raise BagError(f"{self.path} is a folder; choose another name")
         if not self.overwrite:
             self._refuse_existing()
         try:
-            self.file.parent.mkdir(parents=True, exist_ok=True)
+            self.path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as cause:
-            message = f"{self.file.parent}: the folder cannot be made: {why_refused(cause)}"
+            message = f"{self.path.parent}: the folder cannot be made: {why_refused(cause)}"
             raise BagError(message) from cause
 
     def _refuse_existing(self) -> None:
-        partial = partial_path(self.file)
+        partial = partial_path(self.path)
         if partial.exists():
             raise BagError(
                 f"{partial} is there: a recording that still runs, or was killed"
                 " (`mcap recover` saves it); move it away, or choose another name or --overwrite"
             )
-        is_empty = self.is_folder and self.path.is_dir() and not any(self.path.iterdir())
-        is_taken = self.path.exists() and not is_empty
-        if is_taken:
+        if self.path.exists():
             raise BagError(f"{self.path} exists already; choose another name, or --overwrite")
 
 

@@ -11,13 +11,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from mcap.reader import make_reader
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 
+from are_ros.bag.reader import BagReader
 from are_ros.bag.types import jazzy_typestore
-from are_ros.bag.writer import BagWriter, describe_folder
+from are_ros.bag.writer import BagWriter
 from are_ros.builder.costmap.inflation import InflatedCostmap
 from are_ros.checks.result import CheckResult
 from are_ros.checks.run import Outcome, check_recording
@@ -340,6 +342,45 @@ def test_another_clock_than_that_of_the_stamps_does_no_harm(live: Tape, tmp_path
     results = results_of(replace(live, entries=entries).write(tmp_path))
     assert bad(results) == []
     assert "another clock" in results["ticks"].reason
+
+
+def describe_folder(file: Path) -> None:
+    """Write the metadata.yaml of rosbag2 beside an MCAP file."""
+    with BagReader([file]) as reader:
+        topics = [
+            {
+                "topic_metadata": {
+                    "name": topic.name,
+                    "type": topic.type_name,
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": [],
+                    "type_description_hash": "",
+                },
+                "message_count": topic.count,
+            }
+            for topic in reader.topics
+        ]
+        start_ns, end_ns = reader.start_ns, reader.end_ns
+        total = sum(topic.count for topic in reader.topics)
+    extent = {
+        "starting_time": {"nanoseconds_since_epoch": start_ns},
+        "duration": {"nanoseconds": end_ns - start_ns},
+        "message_count": total,
+    }
+    description = {
+        "version": 9,
+        "storage_identifier": "mcap",
+        **extent,
+        "topics_with_message_count": topics,
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [file.name],
+        "files": [{"path": file.name, **extent}],
+        "custom_data": None,
+        "ros_distro": "jazzy",
+    }
+    content = yaml.safe_dump({"rosbag2_bagfile_information": description})
+    file.with_name("metadata.yaml").write_text(content, encoding="utf-8")
 
 
 def test_a_bare_file_and_a_rosbag2_folder_are_recordings(live: Tape, tmp_path: Path) -> None:

@@ -373,14 +373,14 @@ def test_what_never_arrived_is_counted(ros: RosWorld, tmp_path: Path) -> None:
 
 
 def test_the_readers_of_others_open_it(ros: RosWorld, tmp_path: Path) -> None:
-    """A folder is read by rosbags as rosbag2's own, and the file in it by mcap."""
+    """The file is read by rosbags, and by mcap."""
     publisher = string_publisher(ros.make_node(), "/text", qos(is_latched=True))
     publisher.publish(string("x"))
-    with recording(tmp_path / "run", "/text", topics=("/text",)) as run:
+    with recording(tmp_path / "run.mcap", "/text", topics=("/text",)) as run:
         deliver(publisher)
-    assert run.outcome.file == tmp_path / "run/run_0.mcap"
+    assert run.outcome.file == tmp_path / "run.mcap"
     assert run.outcome.file_bytes == run.outcome.file.stat().st_size
-    with Ros2Reader(tmp_path / "run") as reader:
+    with Ros2Reader(tmp_path / "run.mcap") as reader:
         assert [(c.topic, c.msgtype) for c in reader.connections] == [
             ("/text", "std_msgs/msg/String")
         ]
@@ -404,7 +404,7 @@ def test_the_duration_ends_it(ros_available: None, tmp_path: Path) -> None:  # n
     record(options, silent, note_the_time, lambda: False)
     assert time.monotonic() - ready_s[0][0] >= 0.3
     assert running_s() - ready_s[0][1] < 2.0
-    assert options.file.is_file()
+    assert options.path.is_file()
 
 
 def test_existing_recordings_are_refused(ros_available: None, tmp_path: Path) -> None:  # noqa: ARG001

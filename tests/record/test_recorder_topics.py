@@ -41,21 +41,15 @@ def test_what_is_not_recorded_is_not_awaited() -> None:
         options.awaited_topics()
 
 
-def test_a_folder_is_named_as_by_rosbag2(tmp_path: Path) -> None:
-    """The file in it has the folder's name and a number."""
-    assert RecordOptions(tmp_path / "run").file == tmp_path / "run/run_0.mcap"
-    assert RecordOptions(tmp_path / "run.mcap").file == tmp_path / "run.mcap"
-
-
 def test_places_that_cannot_be_are_said(tmp_path: Path) -> None:
-    """Another kind of file, a full folder, a file on the way, the rest of a killed recorder."""
-    (tmp_path / "full").mkdir()
-    (tmp_path / "full/notes.txt").write_text("x")
+    """Another kind of file, one that is there, a file on the way, the rest of a killed recorder."""
+    (tmp_path / "notes.txt").write_text("x")
+    (tmp_path / "there.mcap").write_text("x")
     (tmp_path / "killed.mcap.part").write_text("x")
     sentences = {
-        "bag.db3": "a recording is an .mcap file, or a folder",
-        "full": "full exists already",
-        "full/notes.txt/x.mcap": r"notes\.txt: the folder cannot be made: it is a file",
+        "bag.db3": "a recording is an .mcap file",
+        "there.mcap": r"there\.mcap exists already",
+        "notes.txt/x.mcap": r"notes\.txt: the folder cannot be made: it is a file",
         "killed.mcap": r"killed\.mcap\.part is there: a recording that still runs, or was killed",
     }
     for name, sentence in sentences.items():

@@ -73,9 +73,7 @@ SAMPLE_WIDTH: Final = 9
 FIRST: Final = 0
 END: Final = 1
 KIND: Final = 2
-PARENT: Final = 3
-UNIFORM: Final = 4
-FRAME_WIDTH: Final = 5
+FRAME_WIDTH: Final = 3
 
 ROOT: Final = 0
 STATIC: Final = 1
@@ -93,7 +91,7 @@ NO_LIMIT: Final = 2**63 - 1
 
 
 @compiled
-def row_at(samples: Integers, frames: Integers, frame: int, stamp_ns: int, hint: int) -> int:
+def row_at(samples: Integers, frames: Integers, frame: int, stamp_ns: int) -> int:
     """Return the row in force at the stamp (the newest not after it), or minus a status."""
     low, high = frames[frame, FIRST], frames[frame, END] - 1
     if frames[frame, KIND] == STATIC:
@@ -104,8 +102,6 @@ def row_at(samples: Integers, frames: Integers, frame: int, stamp_ns: int, hint:
     if stamp_ns < oldest:
         return -PAST
     guess = low + int((stamp_ns - oldest) / (newest - oldest) * (high - low))
-    if low <= hint < high:
-        guess = hint
     while True:
         guess = min(max(guess, low), high - 1)
         if stamp_ns < samples[guess, STAMP]:
@@ -192,7 +188,7 @@ def _climb(
         path[0, step] = frame
         if frames[frame, KIND] == ROOT:
             return step, FOUND
-        row = row_at(samples, frames, frame, stamp_ns, -1)
+        row = row_at(samples, frames, frame, stamp_ns)
         if hold and row == -FUTURE:
             row = int(frames[frame, END] - 1)
         if row < 0:
@@ -236,7 +232,7 @@ def _along(samples: Integers, frames: Integers, path: Integers, steps: int, stam
 
 
 @compiled
-def look_up_general(
+def look_up(
     samples: Integers, frames: Integers, target: int, source: int, stamp_ns: int, out: Floats
 ) -> int:
     """Write target_from_source into `out` (7,), each sample's own parent heeded."""
@@ -247,8 +243,10 @@ def look_up_general(
     if status != FOUND:
         return status
     top_from_source = _along(samples, frames, up, i, stamp_ns)
-    top_from_target = _along(samples, frames, down, j, stamp_ns)
-    write(composed(inverted(top_from_target), top_from_source), out)
+    pose = top_from_source
+    if j > 0:
+        pose = composed(inverted(_along(samples, frames, down, j, stamp_ns)), pose)
+    write(pose, out)
     return FOUND
 
 
@@ -278,49 +276,3 @@ def latest_not_after(
         if lowered >= limit:
             return FOUND, limit
         limit = lowered
-
-
-@compiled
-def depth(frames: Integers, frame: int) -> int:
-    """Return the steps up to the root, or -1 if an edge on the way has several parents."""
-    for step in range(frames.shape[0]):
-        if frames[frame, KIND] == ROOT:
-            return step
-        if frames[frame, UNIFORM] == 0:
-            return -1
-        frame = frames[frame, PARENT]
-    return -1
-
-
-@compiled
-def look_up(
-    samples: Integers, frames: Integers, target: int, source: int, stamp_ns: int, out: Floats
-) -> int:
-    """Write target_from_source at the stamp into `out`, float64 (7,); return a status.
-
-    Climbs without memory from both ends where no edge ever changed its parent; whatever is out of
-    the ordinary is left to `look_up_general`.
-    """
-    numbers = samples.view(np.float64)
-    left, right = source, target
-    up, down = depth(frames, left), depth(frames, right)
-    if up < 0 or down < 0:
-        return look_up_general(samples, frames, target, source, stamp_ns, out)
-    left_pose = right_pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-    turned_back = False
-    while left != right:
-        on_left = up >= down
-        frame = left if on_left else right
-        if frames[frame, KIND] == ROOT:
-            return look_up_general(samples, frames, target, source, stamp_ns, out)
-        row = row_at(samples, frames, frame, stamp_ns, -1)
-        if row < 0:
-            return look_up_general(samples, frames, target, source, stamp_ns, out)
-        pose = edge_pose(samples, numbers, frames[frame, KIND], row, stamp_ns)
-        if on_left:
-            left_pose, left, up = composed(pose, left_pose), frames[frame, PARENT], up - 1
-        else:
-            right_pose, right, down = composed(pose, right_pose), frames[frame, PARENT], down - 1
-            turned_back = True
-    write(composed(inverted(right_pose), left_pose) if turned_back else left_pose, out)
-    return FOUND

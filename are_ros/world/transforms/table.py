@@ -66,7 +66,7 @@ class FrameNames:
 
 
 _ROW: Final = struct.Struct("2q7d")
-_FRAME: Final = struct.Struct("5q")
+_FRAME: Final = struct.Struct("3q")
 _FIRST_SIZE: Final = 64
 
 
@@ -87,7 +87,7 @@ class Edge:
     """One frame's edge to its parent: its segment of the table and what was last received.
 
     Rows [first, end) are in use, ascending in stamp; [begin, limit) is reserved. `parent` is that
-    of the newest sample; unless `is_uniform`, older ones may differ up to `changed_ns`.
+    of the newest sample; older ones may have another.
     """
 
     child: int
@@ -99,12 +99,10 @@ class Edge:
     first: int
     end: int
     newest_ns: int
-    is_uniform: bool = True
-    changed_ns: int = 0
 
 
 class EdgeTable:
-    """`samples` and `frames` as `_frame_kernels` describes them, and the edges by child frame."""
+    """`samples` and `frames` as the kernels take them, and the edges by child frame."""
 
     def __init__(self, history_ns: int) -> None:
         self.history_ns = history_ns
@@ -171,8 +169,7 @@ class EdgeTable:
         """Tell the kernels of the edge."""
         kind = STATIC if edge.is_static else DYNAMIC
         at = edge.child * _FRAME.size
-        numbers = edge.first, edge.end, kind, edge.parent, edge.is_uniform
-        _FRAME.pack_into(self._frame_bytes, at, *numbers)
+        _FRAME.pack_into(self._frame_bytes, at, edge.first, edge.end, kind)
 
     def hold(self, edge: Edge, parent: int, pose: Pose) -> None:
         """Write the one sample of a static edge."""
@@ -195,12 +192,7 @@ class EdgeTable:
         words, first, oldest_kept = self._words, edge.first, stamp_ns - self.history_ns
         while words[first * SAMPLE_WIDTH] < oldest_kept:
             first += 1
-        edge.first = first
-        if parent != edge.parent:
-            edge.is_uniform, edge.changed_ns = first == row, stamp_ns
-            edge.parent = parent
-        elif not edge.is_uniform:
-            edge.is_uniform = words[first * SAMPLE_WIDTH] >= edge.changed_ns
+        edge.first, edge.parent = first, parent
         self.publish(edge)
 
     def insert(self, edge: Edge, parent: int, stamp_ns: int, pose: Pose) -> bool:
@@ -217,9 +209,8 @@ class EdgeTable:
         elif self.samples[at, 1] == parent:
             return True
         _ROW.pack_into(self._bytes, at * _ROW.size, stamp_ns, parent, *pose)
-        if parent != edge.parent:
-            edge.is_uniform, edge.changed_ns = False, edge.newest_ns
-            edge.parent = parent if at == edge.end - 1 else edge.parent
+        if at == edge.end - 1:
+            edge.parent = parent
         self.publish(edge)
         return True
 
