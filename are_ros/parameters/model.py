@@ -613,6 +613,12 @@ class SensorsParameters:
         "Beside each painted image goes its mask (32SC1): the id of the artefact at each pixel, 0 "
         "where there is none.",
     )
+    boxes: bool = parameter(
+        False,
+        "Beside each painted image go the boxes of the artefacts in it (are_msgs/ImageTruth, and "
+        "vision_msgs), and beside the lists of artefacts and of the perceived their boxes in the "
+        "map (vision_msgs).",
+    )
     depth_range: float = parameter(
         10.0,
         "How far depth cameras see: a pixel without a return shows no artefact beyond it. "
