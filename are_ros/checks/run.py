@@ -13,6 +13,7 @@ from are_ros.bag.recording import (
 )
 from are_ros.checks.file import check_files
 from are_ros.checks.grids import check_grids
+from are_ros.checks.images.painted import check_boxes, check_images
 from are_ros.checks.markers import check_marker_fading, check_marker_rules, check_marker_state
 from are_ros.checks.oracle.solids import RealMap
 from are_ros.checks.overlaps import check_clutter, check_neighbours, check_robot, check_walls
@@ -84,6 +85,10 @@ def check_recording(
     results += [merged(parts) for parts in zip(*map(check_scans, records), strict=True)]
     if any(record.scans.depths for record in records):
         results.append(merged([check_depths(record) for record in records]))
+    if any(record.has_images for record in records):
+        results.append(merged([check_images(record) for record in records]))
+    if any(record.has_boxes for record in records):
+        results.append(merged([check_boxes(record) for record in records]))
     if any(record.octomaps.kept for record in records):
         results.append(merged([check_octomap(record) for record in records]))
     return (results[0], reading.tally.result(), *results[1:])

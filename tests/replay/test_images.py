@@ -155,3 +155,11 @@ def test_boxes_and_fractions_are_those_of_the_masks(redwood: Path) -> None:
             u = info.k[0] * at.x / at.z + info.k[2]
             assert columns.min() - 40 < u < columns.max() + 40
             assert repr(box.results[0].pose.pose.position) == repr(at)
+
+
+def test_are_check_judges_the_images(redwood: Path, run_are: RunAre) -> None:
+    """Pixels, masks and boxes of a real recording."""
+    done = run_are("check", redwood)
+    said = {line.partition(":")[0]: line for line in done.stdout.splitlines()}
+    assert said["painted images"].startswith("painted images: passed, 5 images (1 as they came")
+    assert said["boxes"].startswith("boxes: passed, ")
