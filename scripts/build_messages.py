@@ -1,4 +1,4 @@
-"""Build ARE's messages, and stand-ins for two packages of ROS, into this Python's environment.
+"""Build ARE's messages, and stand-ins for three packages of ROS, into this Python's environment.
 
 Run by make with the environment's own Python, which holds rclpy and the generators of messages (the
 extras ros and ros-build). A package that was built from the same files, by the same Python with the
@@ -23,7 +23,8 @@ from importlib.metadata import distributions
 from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parents[1]
-PACKAGES = {"tf2_msgs": "compat/tf2_msgs", "map_msgs": "compat/map_msgs", "are_msgs": "are_msgs"}
+STAND_INS = ("tf2_msgs", "map_msgs", "vision_msgs")
+PACKAGES = {name: f"compat/{name}" for name in STAND_INS} | {"are_msgs": "are_msgs"}
 SHARED = "are_msgs/cmake"  # the stand-ins include it
 TOOLS = re.compile(r"ros-.*|catkin-pkg|cmake|empy|lark-parser|ninja|numpy|setuptools")
 OF_ANOTHER_ROS = ("PYTHONPATH", "PYTHONHOME", "COLCON_PREFIX_PATH", "CMAKE_GENERATOR")

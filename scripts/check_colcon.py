@@ -21,7 +21,7 @@ PROJECT = Path(__file__).resolve().parents[1]
 SCRATCH = PROJECT / "build" / "colcon"
 SOURCE, VENV = SCRATCH / "src", SCRATCH / "venv"
 PYTHON = VENV / "bin" / "python"
-STAND_INS = ("tf2_msgs", "map_msgs")
+STAND_INS = ("tf2_msgs", "map_msgs", "vision_msgs")
 OF_ANOTHER_ROS = (
     *("AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "COLCON_PREFIX_PATH", "PYTHONPATH"),
     *("LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE", "RMW_IMPLEMENTATION"),

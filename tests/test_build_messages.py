@@ -13,7 +13,7 @@ import pytest
 
 PROJECT = Path(__file__).resolve().parents[1]
 SCRIPT = PROJECT / "scripts" / "build_messages.py"
-PACKAGES = ["tf2_msgs", "map_msgs", "are_msgs"]
+PACKAGES = ["tf2_msgs", "map_msgs", "vision_msgs", "are_msgs"]
 
 
 def load(path: Path) -> Any:

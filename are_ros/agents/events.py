@@ -76,7 +76,8 @@ class PerceivedArtefact:
     The pose is that of F_A in the map's frame, with a 6x6 row-major covariance as ROS orders it
     (x, y, z, rotation about x, y, z). `cameras` are the names of those that saw it; the pixels are
     of the first: `roi_px` is (x, y, width, height) of the visible ones, `range_m` the distance
-    from the camera's centre to its nearest visible point.
+    from the camera's centre to its nearest visible point. `behaviours` are those that it may have,
+    the most probable first, and their probabilities, if it is there; empty where none is told.
     """
 
     artefact_id: int
@@ -97,6 +98,8 @@ class PerceivedArtefact:
     roi_px: tuple[int, int, int, int]
     last_seen_ns: int
     cameras: tuple[str, ...] = ()
+    behaviours: tuple[str, ...] = ()
+    behaviour_probabilities: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

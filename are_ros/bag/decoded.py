@@ -95,6 +95,8 @@ class Sighting(NamedTuple):
     twist: tuple[float, ...] = ()
     twist_covariance: tuple[float, ...] = ()
     cameras: tuple[str, ...] = ()
+    behaviours: tuple[str, ...] = ()
+    behaviour_probabilities: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -330,7 +332,10 @@ def _sighting(one: Any) -> Sighting:
         _xyz(one.size),
         (*_xyz(one.twist.twist.linear), *_xyz(one.twist.twist.angular)),
         tuple(one.twist.covariance.tolist()),
-        tuple(getattr(one, "cameras", ())),  # recordings of before have none
+        # Recordings of before have none of these.
+        tuple(getattr(one, "cameras", ())),
+        tuple(getattr(one, "behaviours", ())),
+        tuple(float(p) for p in getattr(one, "behaviour_probabilities", ())),
     )
 
 

@@ -23,7 +23,7 @@ from are_ros.bag.marker_decoding import decode_markers
 from are_ros.bag.reader import BagMessage, BagReader, BagTopic, as_bag_errors
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError, InputError
-from are_ros.messages.sensors import CAMERA_INFO_TYPE, SENSORS
+from are_ros.messages.sensors import CAMERA_INFO_TYPE, OUTPUT_TYPES, SENSORS
 from are_ros.messages.tick_encoding import ALL_OUTPUTS, OUTPUTS
 
 PREFIX: Final = "/ar_builder/"
@@ -330,9 +330,8 @@ def matters(topic: str, type_name: str) -> bool:
     """Return whether a topic is an output of the node, or may be one of its inputs."""
     if topic.startswith(PREFIX):
         name = topic.removeprefix(PREFIX)
-        sensors = {name for kind in SENSORS.values() for name in kind.type_names}
-        sensors.add(CAMERA_INFO_TYPE)
-        return type_name in ({ALL_OUTPUTS[name].type_name} if name in ALL_OUTPUTS else sensors)
+        expected = {ALL_OUTPUTS[name].type_name} if name in ALL_OUTPUTS else OUTPUT_TYPES
+        return type_name in expected
     return type_name in INPUT_TYPES
 
 

@@ -16,7 +16,7 @@ from are_ros.messages.common import MessageFactory
 # The texts of ARE's message definitions, from msg_defs/.
 
 
-_PACKAGES = ("are_msgs", "compat/map_msgs", "compat/tf2_msgs")
+_PACKAGES = ("are_msgs", "compat/map_msgs", "compat/tf2_msgs", "compat/vision_msgs")
 
 
 def message_texts(folder: Path | None = None) -> dict[str, str]:
@@ -58,7 +58,7 @@ _BASE, _NAME, _ARRAY = 1, 2, 3
 
 @cache
 def jazzy_typestore() -> Any:
-    """Return the types of ROS 2 Jazzy with are_msgs, tf2_msgs and map_msgs, built once.
+    """Return the types of ROS 2 Jazzy with are_msgs and the stand-ins, built once.
 
     It is shared: take a `new_typestore()` to register further types. InputError if the message
     definitions of ARE are not installed.

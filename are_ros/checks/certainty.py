@@ -87,18 +87,48 @@ class _Squares:
         tally.note(f"{self.name}: {mean:.2f} of 1")
 
 
+class _FirstBehaviours:
+    """Compares the behaviours of the first reports of tracks with the truth.
+
+    Where the most probable one is said with p, it is the true one with the probability p. The sum
+    over independent tracks is within Hoeffding's bound, whatever the probabilities are.
+    """
+
+    def __init__(self) -> None:
+        self._said, self._right, self._tracks = 0.0, 0, 0
+
+    def take(self, one: Sighting, truth: str) -> None:
+        """Add the first report of a track."""
+        if one.behaviours:
+            self._said += one.behaviour_probabilities[0]
+            self._right += one.behaviours[0] == truth
+            self._tracks += 1
+
+    def judge(self, tally: Tally) -> None:
+        """Compare the sums."""
+        if not self._tracks:
+            return
+        tally.look()
+        tally.require(
+            abs(self._right - self._said) <= np.sqrt(0.5 * self._tracks * np.log(2.0 / _LEVEL)),
+            f"of {self._tracks} behaviours {self._right} are true, and {self._said:.1f} are said",
+        )
+        tally.note(f"behaviours: {self._right} of {self._tracks} true, {self._said:.1f} said")
+
+
 def check_certainty(record: Record) -> CheckResult:
     """Compare errors of poses and velocities with the covariances stated with them.
 
     No single error is beyond what happens once in 10^9, and the first reports of the tracks follow
-    chi-square together. False alarms and departed artefacts have no truth to compare with.
+    chi-square together; so many behaviours are true as their probabilities say. False alarms and
+    departed artefacts have no truth to compare with.
     """
     tally, scenes = (
         Tally("certainty", "sighting"),
         {scene.stamp_ns: scene for scene in record.scenes},
     )
     poses, twists = _Squares("pose"), _Squares("velocity")
-    before: frozenset[int] = frozenset()
+    behaviours, before = _FirstBehaviours(), frozenset[int]()
     for message in record.perceived:
         scene = scenes.get(message.stamp_ns)
         places = {} if scene is None else {i: k for k, i in enumerate(scene.ids.tolist())}
@@ -112,9 +142,11 @@ def check_certainty(record: Record) -> CheckResult:
             is_first = one.artefact_id not in before
             poses.take(tally, where, _of_pose(one, scene, k), is_first=is_first)
             twists.take(tally, where, _of_twist(one, scene, k), is_first=is_first)
+            if is_first:
+                behaviours.take(one, scene.behaviours[k])
         before = message.ids
-    for squares in (poses, twists):
-        squares.judge(tally)
+    for judged in (poses, twists, behaviours):
+        judged.judge(tally)
     return tally.result()
 
 

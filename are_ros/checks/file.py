@@ -14,14 +14,10 @@ from are_ros.bag.reader import sentence_of
 from are_ros.bag.recording import PREFIX
 from are_ros.checks.result import CheckResult, Tally, at_s, merged, skipped
 from are_ros.conventions import NS_PER_S
-from are_ros.messages.sensors import CAMERA_INFO_TYPE, SENSORS
+from are_ros.messages.sensors import OUTPUT_TYPES
 from are_ros.messages.tick_encoding import ALL_OUTPUTS, OCTOMAP, OUTPUTS
 from are_ros.wording import counted
 
-_SENSOR_TYPES: Final = (
-    *(name for kind in SENSORS.values() for name in kind.type_names),
-    CAMERA_INFO_TYPE,
-)
 _FOOTER: Final = Struct("<QQI")
 _MAGIC: Final = b"\x89MCAP0\r\n"
 _LATCHED_TYPE: Final = "nav_msgs/msg/OccupancyGrid"
@@ -138,7 +134,7 @@ def _is_expected(topic: str, type_name: str, is_live: bool) -> bool:
     """Tell whether this is an output; a live node has other topics, too."""
     expected = ALL_OUTPUTS.get(topic.removeprefix(PREFIX))
     if expected is None:
-        return is_live or type_name in _SENSOR_TYPES
+        return is_live or type_name in OUTPUT_TYPES
     return type_name == expected.type_name
 
 

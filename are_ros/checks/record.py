@@ -24,6 +24,7 @@ from are_ros.bag.decoded import (
     Scene,
     Transforms,
     TransformSample,
+    time_ns,
 )
 from are_ros.bag.marker_decoding import TRIANGLES, MarkerFields
 from are_ros.bag.reader import sentence_of
@@ -45,10 +46,12 @@ from are_ros.checks.oracle.frames import ODOMETRY, PARAMETER, TF, Frames
 from are_ros.checks.oracle.solids import Cloud, RealMap
 from are_ros.checks.result import Tally, at_s
 from are_ros.checks.sensors.cloud_pairs import SensorCloud
+from are_ros.checks.sensors.colours import ColourFrame, ImagePairs
 from are_ros.checks.sensors.depth_images import DepthFrame, info_topic
 from are_ros.checks.sensors.scan_pairs import Kept, ScanPairs
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import AreError, InputError
+from are_ros.messages.tick_encoding import ARTEFACT_BOXES, PERCEIVED_BOXES
 from are_ros.messages.tick_encoding import OCTOMAP as AUGMENTED_OCTOMAP
 from are_ros.parameters.choices import OdometryUse
 from are_ros.parameters.model import Parameters
@@ -58,6 +61,11 @@ _REAL_MAP: Final = "/map"
 _CLOUD: Final = "sensor_msgs/msg/PointCloud2"
 _IMAGES: Final = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 _INFO: Final = "sensor_msgs/msg/CameraInfo"
+_BOXES: Final = (
+    "are_msgs/msg/ImageTruth",
+    "vision_msgs/msg/Detection2DArray",
+    "vision_msgs/msg/Detection3DArray",
+)
 _BODY: Final = "body"
 _MOST_OCTOMAPS: Final = 12
 _OCTOMAP: Final = "/octomap_point_cloud_centers"
@@ -88,7 +96,9 @@ class Record:
     artefacts, as it was paused or shut down; `farewell_messages` are the lists of the perceived
     and the metrics that it published then. `walls` is "map" or "octomap", or empty if unknown.
     `clouds` are the octomaps of the input, and `octomaps` some of the augmented ones; `has_clouds`
-    tells that clouds of sensors went out, and `has_depths` that images of depths did.
+    tells that clouds of sensors went out, `has_depths` and `has_images` that images of depths and
+    of colours did; `paintings` are the latter, with what was told of them, and `artefact_boxes` and
+    `perceived_boxes` are messages by stamp.
     `infos_of_depths` are topics whose CameraInfo is that of such images only, and not the robot's
     camera. `meshes` are the triangles (F, 3, 3) in F_A that markers show, by the artefact's id,
     where there are images of depths or augmented octomaps.
@@ -101,6 +111,7 @@ class Record:
     topics: frozenset[str] = frozenset()
     has_clouds: bool = False
     has_depths: bool = False
+    has_images: bool = False
     infos_of_depths: frozenset[str] = frozenset()
     scenes: list[Scene] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
@@ -116,10 +127,18 @@ class Record:
     meshes: dict[int, NDArray[np.float64]] = field(default_factory=dict)
     frames: Frames = field(default_factory=Frames)
     scans: ScanPairs = field(default_factory=ScanPairs)
+    paintings: ImagePairs = field(default_factory=ImagePairs)
+    artefact_boxes: list[tuple[int, Any]] = field(default_factory=list)
+    perceived_boxes: list[tuple[int, Any]] = field(default_factory=list)
     farewells_ns: list[int] = field(default_factory=list)
     farewell_messages: list[Perceived | Metrics] = field(default_factory=list)
     lags_ns: list[int] = field(default_factory=list)
     runs: Runs = field(default_factory=Runs)
+
+    @property
+    def has_boxes(self) -> bool:
+        """Whether the truth or what is perceived went out as boxes."""
+        return bool(self.paintings.truths or self.artefact_boxes or self.perceived_boxes)
 
     @property
     def world_frame(self) -> str:
@@ -263,10 +282,33 @@ class Record:
         """Take a cloud or an image, which come as rosbags' objects."""
         if message.type_name == _CLOUD:
             self._take_cloud(message.topic, value, message.at_ns)
-        elif message.type_name in _IMAGES and self.has_depths:
-            depths = DepthFrame.of_message(value, message.at_ns)
-            if depths is not None:
-                self.scans.add(message.topic, depths)
+        elif message.type_name in _IMAGES:
+            self._take_image(message.topic, value, message.at_ns)
+        elif message.type_name in _BOXES:
+            self._take_boxes(message.topic, value)
+
+    def _take_image(self, topic: str, message: Any, at_ns: int) -> None:
+        """Take an image of depths or of colours, or a mask, where such went out."""
+        if topic.startswith(PREFIX) and topic.endswith("/mask"):
+            self.paintings.add_told(topic, message)
+            return
+        depths = DepthFrame.of_message(message, at_ns) if self.has_depths else None
+        if depths is not None:
+            self.scans.add(topic, depths)
+        elif self.has_images and "depth" not in topic.lower():
+            colours = ColourFrame.of_message(message, at_ns)
+            if colours is not None:
+                self.paintings.add(topic, colours, self.scans.infos)
+
+    def _take_boxes(self, topic: str, message: Any) -> None:
+        """Take boxes of an image, or those of a tick."""
+        stamp_ns = time_ns(message.header.stamp)
+        if topic == PREFIX + ARTEFACT_BOXES:
+            self.artefact_boxes.append((stamp_ns, message))
+        elif topic == PREFIX + PERCEIVED_BOXES:
+            self.perceived_boxes.append((stamp_ns, message))
+        elif topic.startswith(PREFIX):
+            self.paintings.add_told(topic, message)
 
     def _take_cloud(self, topic: str, message: Any, at_ns: int) -> None:
         """Take an octomap, or, where sensors' clouds went out, one of these.
@@ -323,6 +365,12 @@ def real_map(grid: Grid) -> RealMap:
     return RealMap(grid.cells, grid.resolution_m, grid.corner, height_m, grid.frame_id, grid.at_ns)
 
 
+def _is_painted(topic: str, types: Mapping[str, str]) -> bool:
+    """Tell whether a topic is of painted images."""
+    is_image = topic.startswith(PREFIX) and types[topic] in _IMAGES
+    return is_image and "depth" not in topic.lower() and not topic.endswith("/mask")
+
+
 def _is_depth(topic: str, types: Mapping[str, str]) -> bool:
     """Tell whether a topic is of images of depths, by its type and its name."""
     return types[topic] in _IMAGES and "depth" in topic.lower()
@@ -376,6 +424,7 @@ class Reading:
         of_depths = {info_topic(topic) for topic in types if _is_depth(topic, types)}
         for _ in range(loops):
             record = Record(self._parameters, is_live, walls, self.topics, has_clouds, has_depths)
+            record.has_images = any(_is_painted(topic, types) for topic in types)
             record.infos_of_depths = frozenset(of_depths if inputs - of_depths else ())
             self.records.append(record)
         return self

@@ -20,6 +20,7 @@ from are_ros.checks.overlaps import check_clutter, check_neighbours, check_robot
 from are_ros.checks.record import Reading
 from are_ros.checks.result import CheckResult, Outcome, merged
 from are_ros.checks.sensors.octomap import check_octomap
+from are_ros.checks.sensors.painted import check_boxes, check_images
 from are_ros.checks.sensors.scans import check_depths, check_scans
 from are_ros.checks.sightings import check_perceived, check_sight_events
 from are_ros.checks.ticks import (
@@ -84,6 +85,10 @@ def check_recording(
     results += [merged(parts) for parts in zip(*map(check_scans, records), strict=True)]
     if any(record.scans.depths for record in records):
         results.append(merged([check_depths(record) for record in records]))
+    if any(record.has_images for record in records):
+        results.append(merged([check_images(record) for record in records]))
+    if any(record.has_boxes for record in records):
+        results.append(merged([check_boxes(record) for record in records]))
     if any(record.octomaps.kept for record in records):
         results.append(merged([check_octomap(record) for record in records]))
     return (results[0], reading.tally.result(), *results[1:])

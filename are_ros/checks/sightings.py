@@ -70,9 +70,13 @@ def _sighting_fault(one: Sighting, tau: int, stamp_ns: int) -> str:
         return f"has {visible} of {pixels}, and the fraction {one.visible_fraction}"
     if not 0.0 <= one.existence <= 1.0 or one.range_m < 0.0:
         return f"has the existence {one.existence} and the range {one.range_m} m"
-    total = sum(one.probabilities)
-    if len(one.classes) != len(one.probabilities) or abs(total - 1.0) > 1e-4:
-        return f"has class probabilities that sum to {total:g}"
+    told = [("class", one.classes, one.probabilities)]
+    if one.behaviours or one.behaviour_probabilities:
+        told.append(("behaviour", one.behaviours, one.behaviour_probabilities))
+    for what, names, probabilities in told:
+        total = sum(probabilities)
+        if len(names) != len(probabilities) or abs(total - 1.0) > 1e-4:
+            return f"has {what} probabilities that sum to {total:g}"
     _, _, width, height = one.roi
     if width * height < visible:
         return f"has {counted(visible, 'pixel')} in a region of {width} x {height}"

@@ -176,9 +176,7 @@ def _append_perceived(writer: CdrWriter, artefact: PerceivedArtefact) -> None:
     pose, (x, y, width, height) = artefact.map_from_artefact, artefact.roi_px
     writer.pack(_UINT64, 8, artefact.artefact_id)
     writer.text(artefact.label)
-    writer.count(len(artefact.classes))
-    for name in artefact.classes:
-        writer.text(name)
+    writer.texts(artefact.classes)
     writer.numbers(np.array(artefact.probabilities), "<f4")
     writer.pack(
         _POSE_SIZE_TWIST,
@@ -202,6 +200,6 @@ def _append_perceived(writer: CdrWriter, artefact: PerceivedArtefact) -> None:
     )
     writer.pack(_REGION, 4, x, y, height, width, False)
     writer.time(artefact.last_seen_ns)
-    writer.count(len(artefact.cameras))
-    for name in artefact.cameras:
-        writer.text(name)
+    writer.texts(artefact.cameras)
+    writer.texts(artefact.behaviours)
+    writer.numbers(np.array(artefact.behaviour_probabilities), "<f4")

@@ -1,5 +1,6 @@
 """Values as little-endian XCDR1, the bytes of ROS 2 messages."""
 
+from collections.abc import Sequence
 from struct import Struct
 from typing import Any, Final
 
@@ -55,6 +56,12 @@ class CdrWriter:
         data = text.encode()
         self.count(len(data) + 1)
         self._body += data + b"\0"
+
+    def texts(self, texts: Sequence[str]) -> None:
+        """Append a sequence of strings; InputError as `text`."""
+        self.count(len(texts))
+        for text in texts:
+            self.text(text)
 
     def numbers(self, values: npt.NDArray[Any], dtype: str) -> None:
         """Append a sequence of numbers (N,), or of structures of equal numbers (N, k)."""

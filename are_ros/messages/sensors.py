@@ -20,7 +20,13 @@ from are_ros.builder.sensors.sensor_path import Reading, ReleasedReading
 from are_ros.messages.camera_info import encode_camera_info
 from are_ros.messages.cdr import CdrWriter
 from are_ros.messages.common import read_array, read_time
-from are_ros.messages.images.colour import encode_colour, encode_mask, read_colour
+from are_ros.messages.images.colour import (
+    encode_boxes,
+    encode_colour,
+    encode_mask,
+    encode_truth,
+    read_colour,
+)
 from are_ros.messages.images.depth import encode_depth, read_depth
 from are_ros.messages.images.image import camera_info_topic, transport_of
 from are_ros.parameters.model import SensorsParameters
@@ -230,6 +236,36 @@ CAMERA_INFO: Final = "camera_info"
 CAMERA_INFO_TYPE: Final = "sensor_msgs/msg/CameraInfo"
 
 
+@dataclass(frozen=True)
+class TruthTopic:
+    """A topic beside each painted image, on its name and `suffix`: the truth about it."""
+
+    suffix: str
+    type_name: str
+    encode: Callable[[Any], bytes | None]
+
+
+_MASK: Final = TruthTopic("mask", "sensor_msgs/msg/Image", encode_mask)
+_TRUTH: Final = TruthTopic("truth", "are_msgs/msg/ImageTruth", encode_truth)
+_BOXES: Final = TruthTopic("boxes", "vision_msgs/msg/Detection2DArray", encode_boxes)
+
+
+def truth_topics(sensors: SensorsParameters) -> tuple[TruthTopic, ...]:
+    """Return the topics beside each painted image that the parameters ask for."""
+    masks = (_MASK,) if sensors.masks else ()
+    return (*masks, _TRUTH, _BOXES) if sensors.boxes else masks
+
+
+OUTPUT_TYPES: Final = frozenset(
+    (
+        *(name for kind in SENSORS.values() for name in kind.type_names),
+        CAMERA_INFO_TYPE,
+        *(topic.type_name for topic in (_MASK, _TRUTH, _BOXES)),
+    )
+)
+"""The types of all outputs of sensors."""
+
+
 def sensor_topics(roles: Mapping[str, str]) -> dict[str, SensorKind]:
     """Return the kind of each topic that is a sensor's, of the roles by topic."""
     return {topic: SENSORS[role] for topic, role in roles.items() if role in SENSORS}
@@ -253,25 +289,32 @@ def sensor_outputs(roles: Mapping[str, str]) -> dict[str, str]:
     }
 
 
+_WITHOUT_TRUTH: Final = SensorsParameters()
+
+
 class SensorOutputs:
     """The outputs of the sensors among the roles, and their messages.
 
     `names` are the outputs by topic; `types` those of all messages by output. Beside each image
-    goes its CameraInfo, with the image's stamp, and `with_masks` the mask of what is painted.
+    goes its CameraInfo, with the image's stamp, and the truth about what is painted, as far as the
+    parameters ask for it.
     """
 
-    def __init__(self, roles: Mapping[str, str], *, with_masks: bool = False) -> None:
+    def __init__(
+        self, roles: Mapping[str, str], sensors: SensorsParameters = _WITHOUT_TRUTH
+    ) -> None:
         self.names = sensor_outputs(roles)
         self._kinds = sensor_topics(roles)
         self._infos = {topic: camera_info_topic(self.names[topic]) for topic in lens_topics(roles)}
         self.types = {name: self._kinds[topic].type_of(topic) for topic, name in self.names.items()}
         self.types |= dict.fromkeys(self._infos.values(), CAMERA_INFO_TYPE)
-        self._masks = {
-            topic: f"{self.names[topic]}/mask"
+        self._truths = {
+            topic: [(f"{self.names[topic]}/{one.suffix}", one) for one in truth_topics(sensors)]
             for topic, kind in self._kinds.items()
-            if with_masks and kind.role == "image"
+            if kind.role == "image"
         }
-        self.types |= dict.fromkeys(self._masks.values(), "sensor_msgs/msg/Image")
+        for truths in self._truths.values():
+            self.types |= {name: truth.type_name for name, truth in truths}
         self._relays: dict[str, list[str]] = {t: [name] for t, name in self.names.items()}
         for topic, info in lens_topics(roles).items():
             self._relays.setdefault(info, []).append(self._infos[topic])
@@ -284,9 +327,10 @@ class SensorOutputs:
             info, frame_id = reading.lens.info, reading.lens.frame_id
             data = encode_camera_info(info, frame_id, reading.stamp_ns)
             found.insert(0, (self._infos[topic], data))
-        mask = encode_mask(reading) if topic in self._masks else None
-        if mask is not None:
-            found.append((self._masks[topic], mask))
+        for name, truth in self._truths.get(topic, ()):
+            told = truth.encode(reading)
+            if told is not None:
+                found.append((name, told))
         return found
 
     def relays_of(self, topic: str) -> list[str]:

@@ -1,10 +1,12 @@
 """A tick as the messages of its outputs, ready for a publisher and for a recording alike."""
 
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Container, Mapping, Sequence
 from functools import partial
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
+from are_ros.builder.certainty.perception import Perception
+from are_ros.builder.scene import Scene
 from are_ros.builder.tick import USUAL, Demand, Tick
 from are_ros.messages.artefacts import (
     ArtefactEncoder,
@@ -13,6 +15,7 @@ from are_ros.messages.artefacts import (
     encode_perceived,
     encode_predicted,
 )
+from are_ros.messages.images.detections import encode_boxes_of_perceived, encode_boxes_of_scene
 from are_ros.messages.maps import encode_grid, encode_grid_update
 from are_ros.messages.markers import MarkerEncoder
 from are_ros.messages.sensors import encode_cloud
@@ -45,10 +48,14 @@ OUTPUTS: Final[Mapping[str, OutputTopic]] = MappingProxyType(
 
 PREDICTED: Final = "predicted"
 OCTOMAP: Final = "augmented_octomap"
+ARTEFACT_BOXES: Final = "artefacts/boxes"
+PERCEIVED_BOXES: Final = "perceived/boxes"
 OPTIONAL_OUTPUTS: Final[Mapping[str, OutputTopic]] = MappingProxyType(
     {
         PREDICTED: OutputTopic("are_msgs/msg/PredictedPathArray"),
         OCTOMAP: OutputTopic("sensor_msgs/msg/PointCloud2", is_latched=True, depth=1),
+        ARTEFACT_BOXES: OutputTopic("vision_msgs/msg/Detection3DArray"),
+        PERCEIVED_BOXES: OutputTopic("vision_msgs/msg/Detection3DArray"),
     }
 )
 """Those that only some parameters bring, or that have to be asked for."""
@@ -57,7 +64,7 @@ ALL_OUTPUTS: Final[Mapping[str, OutputTopic]] = MappingProxyType({**OUTPUTS, **O
 
 
 def offered_outputs(
-    certainty: CertaintyParameters, *, with_octomap: bool = False
+    certainty: CertaintyParameters, *, with_octomap: bool = False, with_boxes: bool = False
 ) -> Mapping[str, OutputTopic]:
     """Return the outputs that there are with these parameters."""
     offered = dict(ALL_OUTPUTS)
@@ -65,6 +72,8 @@ def offered_outputs(
         del offered[PREDICTED]
     if not with_octomap:
         del offered[OCTOMAP]
+    if not with_boxes:
+        del offered[ARTEFACT_BOXES], offered[PERCEIVED_BOXES]
     return offered
 
 
@@ -83,8 +92,9 @@ class TickEncoder:
     change, there is no list of the perceived: an empty one would say that the camera saw nothing.
     """
 
-    def __init__(self, demand: Demand = USUAL) -> None:
+    def __init__(self, demand: Demand = USUAL, *, with_boxes: bool = False) -> None:
         self.demand = demand
+        self._with_boxes = with_boxes
         self._artefacts = ArtefactEncoder()
         self._markers = MarkerEncoder()
 
@@ -110,6 +120,7 @@ class TickEncoder:
             *(("events", event, partial(encode_event, frame_id)) for event in tick.events),
             ("artefacts", tick.scene, partial(self._artefacts.encode, frame_id, stamp_ns)),
             ("perceived", perceived, partial(encode_perceived, *seen_by)),
+            *(self._boxes(tick) if self._with_boxes else ()),
             (PREDICTED, paths, partial(encode_predicted, *seen_by, perception.step_ns)),
             ("metrics", tick.metrics, partial(encode_metrics, frame_id, stamp_ns)),
             ("markers", tick.markers or None, partial(self._markers.encode, frame_id, stamp_ns)),
@@ -119,3 +130,22 @@ class TickEncoder:
             for name, value, encode in outputs
             if value is not None and (wanted is None or name in wanted)
         ]
+
+    def _boxes(self, tick: Tick) -> Sequence[tuple[str, Any, Callable[[Any], bytes]]]:
+        """Return the boxes of a tick, of the artefacts and of what is perceived."""
+        frame_id, perception = tick.frame_id, tick.perception
+        perceived = perception if self.demand.perception else None
+        of_scene = partial(encode_boxes_of_scene, frame_id, tick.stamp_ns)
+        of_perceived = partial(_encode_perceived_boxes, frame_id, tick.scene)
+        return (
+            (ARTEFACT_BOXES, tick.scene, of_scene),
+            (PERCEIVED_BOXES, perceived, of_perceived),
+        )
+
+
+def _encode_perceived_boxes(frame_id: str, scene: Scene, perception: Perception) -> bytes:
+    """Return the boxes of what is perceived: where it is perceived, or where it is in the scene."""
+    boxes, artefacts = perception.boxes, perception.artefacts
+    if boxes is None:
+        boxes = scene.only({one.artefact_id for one in artefacts}).boxes
+    return encode_boxes_of_perceived(frame_id, perception.stamp_ns, artefacts, boxes)

@@ -176,13 +176,15 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         subscriptions = self._inputs = Subscriptions(
             self, parameters.sensors, parameters.camera.others, self._store, self._say
         )
-        offered = offered_outputs(parameters.certainty, with_octomap=True)
+        offered = offered_outputs(
+            parameters.certainty, with_octomap=True, with_boxes=parameters.sensors.boxes
+        )
         publishers = self._outputs = Publishers(
             self,
             subscriptions.roles,
             offered,
             self._say,
-            with_masks=parameters.sensors.masks,
+            parameters.sensors,
         )
         decoding = WireDecoding()
         self.live = LiveBuilder(

@@ -17,7 +17,7 @@ from are_ros.messages.feed import Decoding, Feed, RawMessage
 from are_ros.messages.goals import read_clicked_point
 from are_ros.messages.maps import encode_grid, read_grid
 from are_ros.messages.sensors import SENSORS, SensorOutputs, sensor_topics
-from are_ros.messages.tick_encoding import OCTOMAP, TickEncoder
+from are_ros.messages.tick_encoding import OCTOMAP, PERCEIVED_BOXES, TickEncoder
 from are_ros.node.watches import CallbackTimer, FaultWatch, TickWatch
 from are_ros.parameters.choices import CostmapGate, SensorGate
 from are_ros.parameters.model import Parameters
@@ -40,7 +40,7 @@ process that was stopped has to get from the network first what came meanwhile."
 _LISTENS_MOST_NS: Final = NS_PER_S
 """So long after its deadline no scan is kept back, however late the node always is."""
 _NONE_NS: Final = -(2**63)
-_SIGHTS: Final = ("perceived", "predicted", "events", "metrics", "markers")
+_SIGHTS: Final = ("perceived", PERCEIVED_BOXES, "predicted", "events", "metrics", "markers")
 """The outputs that need perception."""
 
 
@@ -101,7 +101,7 @@ class LiveBuilder:
         # A click is a request, and no input of the builder.
         inputs = {topic: role for topic, role in roles.items() if role != "clicked_point"}
         self._feed = Feed(decoding, self.builder, inputs)
-        self._encoder = TickEncoder()
+        self._encoder = TickEncoder(with_boxes=parameters.sensors.boxes)
         self._stored: deque[_Stored] = deque()
         self._schedule: TickSchedule | None = None
         self._now_ns = 0
@@ -110,7 +110,7 @@ class LiveBuilder:
         self._views: list[ViewModel] = []
         self._shown: Environment | None = None
         self.sensors = sensor_topics(roles)
-        self._sensor_outputs = SensorOutputs(roles, with_masks=parameters.sensors.masks)
+        self._sensor_outputs = SensorOutputs(roles, parameters.sensors)
         self.builder.lives.is_paused = True
         self.builder.lives.report_faults_to(self.faults.take)
         if "camera/camera_info" in roles.values():

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from are_ros.errors import NodeError
 
 _BUILT_HERE: Final = ("are_msgs",)
-_COMPAT: Final = ("map_msgs", "tf2_msgs")
+_COMPAT: Final = ("map_msgs", "tf2_msgs", "vision_msgs")
 _PROJECT: Final = "'make demo' in the project builds it"
 
 

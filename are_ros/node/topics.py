@@ -229,15 +229,14 @@ class Publishers:
         roles: Mapping[str, str],
         outputs: Mapping[str, OutputTopic],
         say: Callable[[str], None],
-        *,
-        with_masks: bool = False,
+        sensors: SensorsParameters,
     ) -> None:
         """Offer the outputs of ticks, and of the sensors among the roles by input topic."""
         self._node = node
         self._publishers: dict[str, Any] = {}
         self._viewers = 0
         types = {name: output.type_name for name, output in outputs.items()}
-        types |= SensorOutputs(roles, with_masks=with_masks).types
+        types |= SensorOutputs(roles, sensors).types
         try:
             for name, type_name in types.items():
                 self._advertise(name, type_name, say)

@@ -328,6 +328,22 @@ class CertaintyParameters:
         high=1000.0,
         live=True,
     )
+    behaviour_accuracy: float = parameter(
+        0.0,
+        "Probability that a look at the behaviour names the true one; otherwise any other. "
+        "0: nothing is told of behaviours.",
+        low=0.0,
+        high=1.0,
+        live=True,
+    )
+    behaviour_time: float = parameter(
+        1.0,
+        "Time between two independent looks at the behaviour of an artefact.",
+        unit="s",
+        low=0.0,
+        high=1000.0,
+        live=True,
+    )
     position_noise: float = parameter(
         0.04,
         "Standard deviation of a detected position at range 0.",
@@ -612,6 +628,12 @@ class SensorsParameters:
         False,
         "Beside each painted image goes its mask (32SC1): the id of the artefact at each pixel, 0 "
         "where there is none.",
+    )
+    boxes: bool = parameter(
+        False,
+        "Beside each painted image go the boxes of the artefacts in it (are_msgs/ImageTruth, and "
+        "vision_msgs), and beside the lists of artefacts and of the perceived their boxes in the "
+        "map (vision_msgs).",
     )
     depth_range: float = parameter(
         10.0,

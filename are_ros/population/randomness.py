@@ -27,6 +27,7 @@ class Purpose(IntEnum):
     ESTIMATION = 13
     FALSE_ALARM = 14
     APPEARANCE = 15
+    INTENT = 16
 
 
 def generator(seed: int, purpose: Purpose, artefact_id: int) -> np.random.Generator:

@@ -21,10 +21,13 @@ from are_ros.messages.sensors import SensorOutputs
 from are_ros.messages.tick_encoding import OUTPUTS, OutputTopic, TickEncoder
 from are_ros.messages.transforms import StampedTransform, encode_transforms_cdr, make_transforms
 from are_ros.parameters.choices import Region
+from are_ros.parameters.model import SensorsParameters
 from are_ros.replay.runner import Listener
 from are_ros.replay.scene_record import SceneRecorder
 from are_ros.world.environment import Environment
 from are_ros.world.occupancy_grid import OccupancyGrid
+
+_WITHOUT_TRUTH: Final = SensorsParameters()
 
 
 # The outputs of the builder, under their live names.
@@ -37,13 +40,12 @@ class TickWriter(Listener):
         roles: Mapping[str, str],
         demand: Demand = USUAL,
         outputs: Mapping[str, OutputTopic] = OUTPUTS,
-        *,
-        with_masks: bool = False,
+        sensors: SensorsParameters = _WITHOUT_TRUTH,
     ) -> None:
         """Announce the output topics; `roles` are those of the input topics."""
         self._writer = writer
-        self._encoder = TickEncoder(demand)
-        self._sensors = SensorOutputs(roles, with_masks=with_masks)
+        self._encoder = TickEncoder(demand, with_boxes=sensors.boxes)
+        self._sensors = SensorOutputs(roles, sensors)
         for name, (type_name, is_latched, depth) in outputs.items():
             writer.add_topic(PREFIX + name, type_name, is_latched=is_latched, depth=depth)
         for name, type_name in self._sensors.types.items():

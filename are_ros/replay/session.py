@@ -242,14 +242,13 @@ def _open_writers(
         return (), dict
     writer = stack.enter_context(BagWriter(options.out / AUGMENTED))
     factory = RosbagsFactory()
-    offered = offered_outputs(options.parameters.certainty, with_octomap=options.demand.octomap)
-    outputs = TickWriter(
-        writer,
-        replay.role_of_topic,
-        options.demand,
-        offered,
-        with_masks=options.parameters.sensors.masks,
+    sensors = options.parameters.sensors
+    offered = offered_outputs(
+        options.parameters.certainty,
+        with_octomap=options.demand.octomap,
+        with_boxes=sensors.boxes,
     )
+    outputs = TickWriter(writer, replay.role_of_topic, options.demand, offered, sensors)
     if not options.with_inputs:
         return (outputs,), writer.counts
     copy = InputCopy(reader, writer, factory, replay.role_of_topic)

@@ -11,7 +11,7 @@ from are_ros.bag.types import definitions_folder, message_texts
 from are_ros.errors import InputError
 
 MSG_DEFS = Path(__file__).resolve().parents[2] / "msg_defs"
-PACKAGES = ("are_msgs", "compat/tf2_msgs", "compat/map_msgs")
+PACKAGES = ("are_msgs", "compat/tf2_msgs", "compat/map_msgs", "compat/vision_msgs")
 
 
 def test_a_source_checkout_uses_its_own() -> None:

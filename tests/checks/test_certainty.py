@@ -91,6 +91,26 @@ def test_what_a_detector_tells_is_plausible(record: Record) -> None:
     assert all(record.is_of_its_time(message) for message in record.perceived)
 
 
+def test_behaviours_that_are_not_as_often_true_as_said_are_caught() -> None:
+    """Over the first reports of many tracks; and probabilities that do not sum to one."""
+    eye, crowd = detector({"certainty.behaviour_accuracy": 0.7}), walkers(100)
+    record, random = Record(eye.parameters), np.random.default_rng(3)
+    for one in crowd:
+        one.behaviour = str(random.choice(("walking", "running")))
+    record.scenes.append(as_scene(scene(crowd, 0.0), ns(0.0)))
+    record.perceived.append(as_perceived(look(eye, crowd, 0.0), ns(0.0)))
+    right = check_certainty(record)
+    assert right.outcome is Outcome.PASSED
+    assert "behaviours: " in right.reason
+    assert check_perceived(record).outcome is Outcome.PASSED
+    before = record.perceived
+    changed(record, "behaviours", lambda names: ["standing", *names[1:]])
+    assert "behaviours 0 are true, and" in check_certainty(record).counter_example
+    record.perceived = before
+    changed(record, "behaviour_probabilities", lambda p: 0.5 * p)
+    assert "has behaviour probabilities that sum to 0.5" in check_perceived(record).counter_example
+
+
 @pytest.mark.parametrize(
     ("name", "change", "said"),
     [
@@ -185,12 +205,14 @@ def test_a_replay_with_a_detector_passes_all_checks(
 ) -> None:
     """From the command to the check, with false alarms in the grids."""
     preset = Path(__file__).resolve().parents[2] / "config" / "presets" / "certainty_good.yaml"
-    often = "certainty.false_alarm_rate:=2.0"
-    out = replay_sample("--params", preset, "--set", often, "--with-inputs")
+    often, telling = "certainty.false_alarm_rate:=2.0", "certainty.behaviour_accuracy:=0.7"
+    values = ("--set", often, "--set", telling)
+    out = replay_sample("--params", preset, *values, "--with-inputs")
     results = check_recording(out)
     wrong = [result.sentence() for result in results if result.outcome is Outcome.FAILED]
     assert wrong == []
     by_name = {result.name: result for result in results}
     assert by_name["certainty"].looked_at > 10
     assert "false alarm" in by_name["certainty"].reason
+    assert "behaviours: " in by_name["certainty"].reason
     assert by_name["predicted paths"].outcome is Outcome.PASSED

@@ -3,7 +3,9 @@
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, closing
 from functools import partial
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -89,6 +91,24 @@ def make_bench(
             return bench
 
         yield make
+
+
+@pytest.fixture
+def without_packages(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., None]]:
+    """Return what makes packages of messages look as if they were not installed."""
+    message_classes = pytest.importorskip("are_ros.node.message_classes")
+
+    def hide(*packages: str) -> None:
+        def importing(name: str) -> ModuleType:
+            if name.partition(".")[0] in packages:
+                raise ModuleNotFoundError(name)
+            return import_module(name)
+
+        monkeypatch.setattr(message_classes, "import_module", importing)
+        message_classes._class.cache_clear()
+
+    yield hide
+    message_classes._class.cache_clear()
 
 
 @pytest.fixture

@@ -1,9 +1,7 @@
 """The node's lifecycle, through the services that a lifecycle manager uses."""
 
-from collections.abc import Callable, Iterator
-from importlib import import_module
+from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
@@ -12,7 +10,6 @@ from tests.ros import NOT_SET_UP
 
 pytest.importorskip("rclpy", reason=NOT_SET_UP)
 
-from are_ros.node import message_classes
 from tests.node.live_bench import Bench, stamp_ns
 from tests.node.live_scene import ns, odometry, pose_at, room
 
@@ -106,23 +103,6 @@ def test_an_override_that_dds_cannot_take_fails_at_configure(
     assert said.startswith(f"topic '{topic}' with its qos_overrides: ")
     bench.until(lambda: bench.user.count_subscribers("/map") == 0)
     assert bench.user.count_publishers("/ar_builder/events") == 0
-
-
-@pytest.fixture
-def without_packages(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., None]]:
-    """Return what makes packages of messages look as if they were not installed."""
-
-    def hide(*packages: str) -> None:
-        def importing(name: str) -> ModuleType:
-            if name.partition(".")[0] in packages:
-                raise ModuleNotFoundError(name)
-            return import_module(name)
-
-        monkeypatch.setattr(message_classes, "import_module", importing)
-        message_classes._class.cache_clear()
-
-    yield hide
-    message_classes._class.cache_clear()
 
 
 def test_without_tf2_msgs_it_lives_on_odometry(

@@ -30,7 +30,8 @@ def redwood(real_data: Path, run_are: RunAre, tmp_path_factory: pytest.TempPathF
     folder: Path = tmp_path_factory.mktemp("redwood")
     (folder / "chair.yaml").write_text(CHAIR)
     bag = real_data / "redwood-rgbd"
-    words = ("--set", "sensors.masks:=true", "--set", "sensors.gate:=all", "--with-inputs")
+    chosen = ("sensors.masks:=true", "sensors.boxes:=true", "sensors.gate:=all")
+    words = (*(word for one in chosen for word in ("--set", one)), "--with-inputs")
     done = run_are(
         "replay", bag, "--scenario", folder / "chair.yaml", *words, "--out", folder / "out"
     )
@@ -70,7 +71,7 @@ def test_the_child_stands_at_one_place_in_all_five_frames(redwood: Path) -> None
     lengths = np.linalg.norm(rays, axis=1)
     row = next(r for r in catalogue_of(Parameters()).rows if r.label == "person_child_small")
     masks, images = (messages(redwood, f"/ar_builder/camera/image{end}") for end in ("/mask", ""))
-    child = int(pixels_of(masks[0], "<i4").max())
+    child = int(pixels_of(masks[-1], "<i4").max())
     looks = generator(Parameters().seed, Purpose.APPEARANCE, child)
     vertices = drawn_mesh(row, looks).corners_m.reshape(-1, 3) + row.box_centre_in_artefact_m
     faces = np.arange(len(vertices)).reshape(-1, 3)
@@ -81,8 +82,8 @@ def test_the_child_stands_at_one_place_in_all_five_frames(redwood: Path) -> None
     depths = {one.header.stamp.nanosec: one for one in messages(redwood, "/camera/depth")}
     before = {one.header.stamp.nanosec: one for one in messages(redwood, "/camera/image")}
     assert len(images) == 5
-    assert len(masks) >= 4
-    for mask in masks:
+    assert len(masks) == 5
+    for mask in masks[1:]:
         stamp = mask.header.stamp
         pose = map_from_camera(frames, stamp)
         origins = np.tile(pose[:3, 3], (len(rays), 1))
@@ -122,3 +123,43 @@ def test_the_first_image_before_anybody_came_is_unchanged(redwood: Path) -> None
     )
     assert first.header.stamp == real.header.stamp
     assert (np.asarray(first.data) == np.asarray(real.data)).all()
+
+
+def test_boxes_and_fractions_are_those_of_the_masks(redwood: Path) -> None:
+    """The tight box of each mask; and the pose of the box is where the camera sees its middle."""
+    masks, truths, boxes = (
+        messages(redwood, f"/ar_builder/camera/image/{name}") for name in ("mask", "truth", "boxes")
+    )
+    info = messages(redwood, "/camera/camera_info")[0]
+    assert len(masks) == len(truths) == len(boxes) == 5
+    for mask, truth, detections in zip(masks, truths, boxes, strict=True):
+        assert repr(mask.header) == repr(truth.header) == repr(detections.header)
+        ids = pixels_of(mask, "<i4").reshape(info.height, info.width)
+        assert {one.id for one in truth.artefacts if one.visible_pixels} == {*ids[ids > 0].tolist()}
+        assert len(detections.detections) == len(np.unique(ids[ids > 0]))
+        for one in truth.artefacts:
+            rows, columns = np.nonzero(ids == one.id)
+            assert one.visible_pixels == len(rows)
+            assert 0.05 < one.visible_fraction < 1.0  # it stands behind the window's frame
+            (box,) = [box for box in detections.detections if box.id == str(one.id)]
+            x, y = box.bbox.center.position.x, box.bbox.center.position.y
+            assert (x - 0.5 * box.bbox.size_x, x + 0.5 * box.bbox.size_x) == (
+                columns.min(),
+                columns.max() + 1,
+            )
+            assert (y - 0.5 * box.bbox.size_y, y + 0.5 * box.bbox.size_y) == (
+                rows.min(),
+                rows.max() + 1,
+            )
+            at = one.box.position
+            u = info.k[0] * at.x / at.z + info.k[2]
+            assert columns.min() - 40 < u < columns.max() + 40
+            assert repr(box.results[0].pose.pose.position) == repr(at)
+
+
+def test_are_check_judges_the_images(redwood: Path, run_are: RunAre) -> None:
+    """Pixels, masks and boxes of a real recording."""
+    done = run_are("check", redwood)
+    said = {line.partition(":")[0]: line for line in done.stdout.splitlines()}
+    assert said["painted images"].startswith("painted images: passed, 5 images (1 as they came")
+    assert said["boxes"].startswith("boxes: passed, ")

@@ -20,19 +20,24 @@ Shape = tuple[float, float, float, float, float]
 
 
 class Body(NamedTuple):
-    """A body of a row's type with its motion as of `at_ns`; F_A is `height_m` above the ground."""
+    """A body of a row's type with its motion as of `at_ns`; F_A is `height_m` above the ground.
+
+    `behaviour` is what an artefact does; a false alarm does nothing.
+    """
 
     row: CatalogueRow
     shape: Shape
     height_m: float
     motion: Motion
     at_ns: int
+    behaviour: str = ""
 
     @classmethod
     def of_scene(cls, scene: Scene, k: int, at_ns: int) -> "Body":
         """Return artefact k of a scene."""
         row, motion = scene.rows[k], scene.motions[k].tolist()
-        return cls(row, shape_of(row), row.com_height_m, motion, at_ns)
+        behaviour = scene.status[k][1]
+        return cls(row, shape_of(row), row.com_height_m, motion, at_ns, behaviour)
 
     @classmethod
     def box(cls, row: CatalogueRow, motion: Motion, at_ns: int) -> "Body":

@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from are_ros.builder.certainty.behaviour import BehaviourLaw, behaviour_shares
 from are_ros.builder.certainty.belief import Census
 from are_ros.builder.certainty.body import Body, boxes_at
 from are_ros.builder.certainty.detection import detection_noise, detection_probability
@@ -37,8 +38,10 @@ class Detector:
     def __init__(self, parameters: Parameters, catalogue: Catalogue) -> None:
         self.parameters = parameters
         self._rows, self._law = catalogue.rows, mixture_of(parameters, catalogue)
-        shares = catalogue.class_probabilities(self._law.probabilities()).tolist()
+        probabilities = self._law.probabilities()
+        shares = catalogue.class_probabilities(probabilities).tolist()
         self._shares = dict(zip(catalogue.class_names, shares, strict=True))
+        self._behaviour_shares = behaviour_shares(self._rows, probabilities)
         self.reseed(parameters.seed)
 
     def reseed(self, seed: int) -> None:
@@ -46,6 +49,8 @@ class Detector:
         self._streams = _Streams(seed)
         self._false_alarms = FalseAlarms(seed, self._rows, self._law)
         self._census = Census(self._shares)
+        mean_life_s = self.parameters.population.mean_life
+        self._behaviours = BehaviourLaw(self._behaviour_shares, mean_life_s)
         self.forget()
 
     def forget(self) -> None:
@@ -75,6 +80,10 @@ class Detector:
         return self._settings.prediction_horizon > 0.0
 
     @property
+    def _tells_behaviours(self) -> bool:
+        return self._settings.behaviour_accuracy > 0.0
+
+    @property
     def _settings(self) -> CertaintyParameters:
         return self.parameters.certainty
 
@@ -91,11 +100,17 @@ class Detector:
         process = Process.of(self._settings, dt_s)
         ends = 1.0 / self.parameters.population.mean_life, 1.0 / self._settings.false_alarm_life
         places = {number: k for k, number in enumerate(scene.ids.tolist())}
+        if self._tells_behaviours:
+            beliefs = [track.behaviours for track in self._tracks.values()]
+            self._behaviours.predict(filter(None, beliefs), dt_s)
         for number, track in self._tracks.items():
             track.error.predict(process)
             track.existence = track.existence.later(dt_s, *ends)
             if number in places:
-                track.body = Body.of_scene(scene, places[number], now_ns)
+                body = Body.of_scene(scene, places[number], now_ns)
+                if self._tells_behaviours:
+                    self._behaviours.count_time(track.body.behaviour, body.behaviour, dt_s)
+                track.body = body
             else:
                 track.body = track.body.coasted(now_ns)
 
@@ -162,12 +177,28 @@ class Detector:
         is_first = track.seen_ns != now_ns  # else another camera has detected it just now
         track.sighting = sighting if is_first else joined(track.sighting, sighting)
         track.seen_ns = now_ns
+        if self._tells_behaviours:
+            self._look_at_behaviour(track, now_ns)
         wait_ns = seconds_to_ns(self._settings.class_time)
         if track.classified_ns is None or now_ns - track.classified_ns >= wait_ns:
             track.classified_ns = now_ns
             draws = self._streams.of(Purpose.CLASSIFICATION, track.artefact_id)
             true_class, accuracy = track.body.row.class_name, self._settings.class_accuracy
             track.classes.look(draws, true_class, accuracy)
+
+    def _look_at_behaviour(self, track: Track, now_ns: int) -> None:
+        """Look at what a detected body does, if it is time."""
+        settings, truth = self._settings, track.body.behaviour
+        if track.behaviours is None:
+            track.behaviours = self._behaviours.belief()
+            if truth:
+                self._behaviours.count_begun(truth)
+        looked_ns = track.behaviours.looked_ns
+        if looked_ns is None or now_ns - looked_ns >= seconds_to_ns(settings.behaviour_time):
+            draws = self._streams.of(Purpose.INTENT, track.artefact_id)
+            number = self._behaviours.number(truth) if truth else None
+            track.behaviours.widen(len(self._behaviours.names))
+            track.behaviours.look(draws, number, settings.behaviour_accuracy, now_ns)
 
     def _detection(self, body: Body, sighting: Sighting, view: View) -> Floats:
         """Return the factor of a detection's noise."""
@@ -197,7 +228,8 @@ class Detector:
         ]
         boxes = boxes_at([track.estimate for track in tracks], [t.body.shape for t in tracks])
         paths = predicted_paths(tracks, settings) if self.predicts else None
-        reports = tuple(track.report() for track in tracks)
+        names = self._behaviours.names if self._tells_behaviours else ()
+        reports = tuple(track.report(names) for track in tracks)
         step_ns = seconds_to_ns(settings.prediction_step)
         return Perception(now_ns, reports, boxes, paths, step_ns)
 

@@ -1,12 +1,14 @@
 """One track: what a detector and a tracker know of one body."""
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros.agents.events import PerceivedArtefact
+from are_ros.builder.certainty.behaviour import BehaviourBelief
 from are_ros.builder.certainty.belief import ClassBelief, Existence
 from are_ros.builder.certainty.body import Body, Motion
 from are_ros.builder.certainty.tracking_error import Floats, TrackingError
@@ -39,6 +41,7 @@ class Track:
         self.sighting = Sighting(0, 0, (0, 0, 0, 0), math.inf)
         self.seen_ns = 0
         self.classified_ns: int | None = None
+        self.behaviours: BehaviourBelief | None = None
 
     @property
     def estimate(self) -> Motion:
@@ -49,14 +52,17 @@ class Track:
         dx, dy, dyaw, dvx, dvy, dturn = self.error.error.tolist()
         return (x + dx, y + dy, z, yaw + dyaw, vx + dvx, vy + dvy, turn + dturn)
 
-    def report(self) -> PerceivedArtefact:
-        """Return what is known, for the list.
+    def report(self, behaviour_names: Sequence[str] = ()) -> PerceivedArtefact:
+        """Return what is known, for the list; of behaviours if their names are given.
 
         The twist is in the axes of the estimated pose: the errors of its velocity do not depend on
         that of the heading.
         """
         x, y, z, yaw, vx, vy, turn = self.estimate
         classes, probabilities = self.classes.ranked()
+        behaviours: tuple[tuple[str, ...], tuple[float, ...]] = (), ()
+        if behaviour_names and self.behaviours is not None:
+            behaviours = self.behaviours.ranked(behaviour_names)
         row, sighting, covariance = self.body.row, self.sighting, self.error.covariance
         cos, sin = math.cos(yaw), math.sin(yaw)
         return PerceivedArtefact(
@@ -78,6 +84,8 @@ class Track:
             roi_px=sighting.roi_px,
             last_seen_ns=self.seen_ns,
             cameras=sighting.cameras,
+            behaviours=behaviours[0],
+            behaviour_probabilities=behaviours[1],
         )
 
 

@@ -147,6 +147,8 @@ class SensorAugmentation:
         if self._settings.gate is SensorGate.PERCEIVED:
             scene = scene.only(self.perceived)
         if not len(scene):
+            if isinstance(reading, ColourImage):
+                return reading.with_nobody(map_from_sensor)
             return reading
         shapes = self._meshes.shapes(scene.rows, self._settings.shape)
         environment = self._lives.environment

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Final, Protocol
 
 import numpy as np
@@ -145,14 +146,68 @@ class CompressedColour:
 
 
 @dataclass(frozen=True, eq=False)
-class ImageTruth:
-    """What is painted: the id of the artefact at each pixel, 0 where there is none, int32 (H, W).
+class ArtefactInImage:
+    """An artefact that an image shows, or would show if nothing hid it.
 
-    `visible_fractions` are the visible shares of artefacts that are in the image, by id.
+    `roi_px` is (x, y, width, height), the smallest rectangle around its `visible_pixels` in the
+    mask. `visible_fraction` is the share of its samples that are visible, four to a pixel.
+    `camera_from_box` is the pose of the middle of its box, in the optical frame.
     """
 
-    ids: npt.NDArray[np.int32]
-    visible_fractions: dict[int, float] = field(default_factory=dict)
+    artefact: Artefact
+    roi_px: tuple[int, int, int, int]
+    visible_pixels: int
+    visible_fraction: float
+    camera_from_box: RigidTransform
+
+
+@dataclass(frozen=True, eq=False)
+class ImageTruth:
+    """What is painted: which of N artefacts covers most of each pixel, -1 for none, int32 (H, W).
+
+    `bodies` are those of the artefacts, and `visible_fractions` (N,) their visible shares, NaN for
+    those outside of the image.
+    """
+
+    mask: npt.NDArray[np.int32]
+    map_from_camera: RigidTransform
+    artefacts: Sequence[Artefact] = ()
+    bodies: Sequence[PaintedBody] = ()
+    visible_fractions: npt.NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def ids(self) -> npt.NDArray[np.int32]:
+        """The id of the artefact at each pixel, 0 where there is none, int32 (H, W)."""
+        ids = np.array([*(artefact.id for artefact in self.artefacts), 0], dtype=np.int32)
+        return ids[self.mask]
+
+    @cached_property
+    def in_image(self) -> tuple[ArtefactInImage, ...]:
+        """The artefacts that are in the image, visible or hidden, in the order of their ids."""
+        from scipy.ndimage import find_objects
+
+        numbers, count = self.mask + 1, len(self.artefacts)
+        regions = find_objects(numbers, count)
+        pixels = np.bincount(numbers.reshape(-1), minlength=count + 1)[1:].tolist()
+        camera_from_map = self.map_from_camera.inverse()
+        return tuple(
+            ArtefactInImage(
+                self.artefacts[k],
+                _roi_px(regions[k]),
+                pixels[k],
+                float(self.visible_fractions[k]),
+                camera_from_map @ self.bodies[k].map_from_box,
+            )
+            for k in np.flatnonzero(~np.isnan(self.visible_fractions)).tolist()
+        )
+
+
+def _roi_px(region: tuple[slice, slice] | None) -> tuple[int, int, int, int]:
+    """Return x, y, width and height of a region, all 0 for none."""
+    if region is None:
+        return 0, 0, 0, 0
+    rows, columns = region
+    return columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,6 +235,13 @@ class ColourImage:
         """Return the image with the lens that it was taken with."""
         return replace(self, lens=lens)
 
+    def with_nobody(self, map_from_sensor: RigidTransform) -> "ColourImage":
+        """Return the image with the truth that no artefact is in it, if its lens is known."""
+        if self.lens is None:
+            return self
+        nobody = np.full((self.lens.view.height, self.lens.view.width), -1, dtype=np.int32)
+        return replace(self, truth=ImageTruth(nobody, map_from_sensor))
+
     def augmented(self, map_from_sensor: RigidTransform, obstacles: Obstacles) -> "ColourImage":
         """Return the image with the artefacts painted in, hidden by what is really there.
 
@@ -195,7 +257,7 @@ class ColourImage:
             return self
         which = self.lens.tiles_towards(map_from_sensor, _with_shadows(obstacles.boxes))
         if not len(which):
-            return self._with_truth(np.full((view.height, view.width), 0, np.int32), {})
+            return self.with_nobody(map_from_sensor)
         before = self.pixels.rgb()
         if before.shape[:2] != (view.height, view.width):
             raise InputError(
@@ -215,21 +277,14 @@ class ColourImage:
         painting = studio.painter(self.lens).paint(
             before, map_from_sensor, bodies, real_m, studio.lighting, studio.noise(self.stamp_ns)
         )
-        ids = np.append(scene.ids, 0).astype(np.int32)
-        fractions = {
-            int(number): float(share)
-            for number, share in zip(scene.ids, painting.visible_fractions, strict=True)
-            if share > 0.0
-        }
-        done = self._with_truth(ids[painting.mask], fractions)
+        fractions = painting.visible_fractions
+        truth = ImageTruth(painting.mask, map_from_sensor, scene.artefacts, bodies, fractions)
+        done = replace(self, truth=truth)
         if painting.pixels is None:
             return done
         return replace(
             done, pixels=self.pixels.with_rgb(painting.pixels, before, studio.jpeg_quality)
         )
-
-    def _with_truth(self, ids: npt.NDArray[np.int32], fractions: dict[int, float]) -> "ColourImage":
-        return replace(self, truth=ImageTruth(ids, fractions))
 
 
 def _body(

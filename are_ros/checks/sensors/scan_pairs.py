@@ -2,8 +2,9 @@
 
 import math
 from bisect import bisect_left
+from collections import deque
 from dataclasses import dataclass
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Final, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from are_ros.checks.sensors.depth_images import (
 
 _MOST_WAITING: Final = 2000
 _MOST_IMAGES: Final = 40
+_MOST_LENSES: Final = 4
 _MOST_CLOUDS: Final = 100
 _MOST_ENDS: Final = 2000
 """Of the changed pixels of an image, so many are looked at where they end."""
@@ -29,6 +31,19 @@ _TOO_NEAR_M: Final = 1e-3
 _CONE_STEP_RAD: Final = 0.02
 _GAP: Final = 1.5
 """In usual distances of scans: farther apart, there was one in between."""
+
+
+class TakenImage(Protocol):
+    """An image with the CameraInfo that was known when it came in."""
+
+    @property
+    def info(self) -> Any:
+        """The CameraInfo."""
+
+    @property
+    def is_rectified(self) -> bool:
+        """Whether the image is rectified."""
+
 
 _Key = tuple[int, str, type]
 _Reading = Scan | SensorCloud | DepthFrame
@@ -84,7 +99,7 @@ class ScanPairs:
         self.kept_depths = Kept[DepthPair](_MOST_IMAGES)
         self.infos: dict[str, Any] = {}
         """The last CameraInfo by topic; `add_info` takes it."""
-        self._rays: dict[tuple[str, bool], tuple[Any, NDArray[np.float64]]] = {}
+        self._rays: deque[tuple[Any, bool, NDArray[np.float64]]] = deque(maxlen=_MOST_LENSES)
         self.input_topics: dict[str, type] = {}
         self._input_stamps: dict[str, list[int]] = {}
         self._inputs: dict[_Key, list[tuple[str, _Reading]]] = {}
@@ -94,14 +109,14 @@ class ScanPairs:
         """Take a CameraInfo; those beside images belong to the ones that come after."""
         self.infos[topic] = message
 
-    def rays(self, pair: DepthPair) -> NDArray[np.float64]:
+    def rays(self, pair: TakenImage) -> NDArray[np.float64]:
         """Return the rays (H, W, 3) of an image; ValueError for a lens that is not known."""
-        key = (pair.topic, pair.is_rectified)
-        known = self._rays.get(key)
-        if known is None or not _are_alike(known[0], pair.info):
-            known = pair.info, rays_of(pair.info, rectified=pair.is_rectified)
-            self._rays[key] = known
-        return known[1]
+        for info, is_rectified, rays in self._rays:
+            if is_rectified == pair.is_rectified and _are_alike(info, pair.info):
+                return rays
+        rays = rays_of(pair.info, rectified=pair.is_rectified)
+        self._rays.append((pair.info, pair.is_rectified, rays))
+        return rays
 
     def add(self, topic: str, scan: _Reading) -> None:
         """Take a scan, a range, a cloud or an image of depths of any topic."""

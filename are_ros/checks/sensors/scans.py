@@ -8,7 +8,7 @@ sub-step after a tick and in the last one before the next tick; in between its s
 import math
 from bisect import bisect_right
 from collections import defaultdict
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -284,8 +284,8 @@ def _note_clouds(tally: Tally, record: Record) -> None:
 
 def _check_ends(tally: Tally, record: Record, places: BoxPositions, scan: ChangedScan) -> None:
     """Each changed beam ends at a box, or one is nearer than the laser measures."""
-    found = _laser_pose(record, record.settings.frames, scan)
-    boxes = places.at(_seen_ns(record, scan))
+    found = sensor_pose(record, record.settings.frames, scan)
+    boxes = places.at(seen_ns(record, scan))
     if found is None or boxes is None:
         what = "the laser was" if found is None else "all artefacts were"
         tally.leave_out("changed scan", f"for which it is not known where {what} at the stamp")
@@ -381,8 +381,24 @@ def _sub_step_after(record: Record, time_ns: int) -> int:
     return (time_ns // step_ns + 1) * step_ns
 
 
-def _seen_ns(record: Record, scan: ChangedScan) -> int:
-    """Return the instant at which a scan shows the artefacts: at most one sub-step ahead."""
+class Released(Protocol):
+    """An augmented reading: its frame, its stamp, and when it was released [ns]."""
+
+    @property
+    def frame_id(self) -> str:
+        """The sensor's frame."""
+
+    @property
+    def stamp_ns(self) -> int:
+        """The time of measurement."""
+
+    @property
+    def released_ns(self) -> int:
+        """The time at which it went out."""
+
+
+def seen_ns(record: Record, scan: Released) -> int:
+    """Return the instant at which a reading shows the artefacts: at most one sub-step ahead."""
     if record.is_live:
         return scan.stamp_ns
     return min(scan.stamp_ns, _sub_step_after(record, scan.released_ns))
@@ -467,10 +483,10 @@ def _is_met(
     return near
 
 
-def _laser_pose(
-    record: Record, settings: FramesParameters, scan: ChangedScan
+def sensor_pose(
+    record: Record, settings: FramesParameters, scan: Released
 ) -> tuple[Pose, float] | None:
-    """Return map_from_laser as it could be known at the release, and its uncertainty."""
+    """Return map_from_sensor as it could be known at the release, and its uncertainty."""
     frames, stamp_ns = record.frames, scan.stamp_ns
     known_ns = EVER if record.is_live else scan.released_ns
     exact = frames.lookup(settings.map, scan.frame_id, stamp_ns, known_ns)

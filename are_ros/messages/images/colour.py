@@ -1,12 +1,15 @@
-"""Images of colours <-> messages: raw and compressed; and the masks of what is painted."""
+"""Images of colours <-> messages: raw and compressed; and the truth about what is painted."""
 
-from typing import Any
+from struct import Struct
+from typing import Any, Final
 
 import numpy as np
 
 from are_ros.builder.sensors.colour_image import ColourImage, CompressedColour, RawColour
 from are_ros.builder.sensors.image import Image
 from are_ros.errors import InputError
+from are_ros.messages.cdr import CdrWriter
+from are_ros.messages.images.detections import encode_boxes_in_image
 from are_ros.messages.images.image import (
     encode_compressed_image,
     encode_image,
@@ -45,3 +48,37 @@ def encode_mask(image: ColourImage) -> bytes | None:
     ids = np.ascontiguousarray(image.truth.ids, dtype="<i4")
     data = ids.view(np.uint8).reshape(len(ids), -1)
     return encode_image(Image(image.frame_id, image.stamp_ns, "32SC1", 0, ids.shape[1], data))
+
+
+_ID: Final = Struct("<Q")
+_REGION: Final = Struct("<4I?")
+_PIXELS_AND_FRACTION: Final = Struct("<If")
+_POSE_AND_SIZE: Final = Struct("<10d")
+
+
+def encode_truth(image: ColourImage) -> bytes | None:
+    """Return an are_msgs/ImageTruth, None where nothing is known."""
+    if image.truth is None:
+        return None
+    artefacts = image.truth.in_image
+    writer = CdrWriter()
+    writer.header(image.frame_id, image.stamp_ns)
+    writer.count(len(artefacts))
+    for one in artefacts:
+        row, (x, y, width, height) = one.artefact.row, one.roi_px
+        writer.pack(_ID, 8, one.artefact.id)
+        writer.text(row.label)
+        writer.text(row.class_name)
+        writer.pack(_REGION, 4, x, y, height, width, False)
+        writer.pack(_PIXELS_AND_FRACTION, 4, one.visible_pixels, one.visible_fraction)
+        pose = one.camera_from_box
+        numbers = *pose.translation_m.tolist(), *pose.rotation_xyzw.tolist(), *row.size_m
+        writer.pack(_POSE_AND_SIZE, 8, *numbers)
+    return writer.message()
+
+
+def encode_boxes(image: ColourImage) -> bytes | None:
+    """Return a vision_msgs/Detection2DArray of what is painted, None where nothing is known."""
+    if image.truth is None:
+        return None
+    return encode_boxes_in_image(image.frame_id, image.stamp_ns, image.truth.in_image)

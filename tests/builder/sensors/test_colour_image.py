@@ -74,7 +74,9 @@ def test_every_encoding_is_painted_alike(encoding: str, obstacles: Obstacles) ->
     assert done.truth is not None
     is_post = done.truth.ids == 7
     assert 200 < is_post.sum() < 1500
-    assert done.truth.visible_fractions == {7: 1.0}
+    (post,) = done.truth.in_image
+    assert (post.artefact.id, post.visible_fraction) == (7, 1.0)
+    assert post.visible_pixels == is_post.sum()
     assert isinstance(done.pixels, RawColour)
     after = done.pixels.image
     is_same = (after.pixels() == image.pixels()).reshape(HEIGHT, WIDTH, -1).all(axis=2)

@@ -1,0 +1,119 @@
+"""What images and cameras show, as vision_msgs: boxes in images, and boxes in the map.
+
+vision_msgs has no field for a visible fraction: that of an image is in are_msgs/ImageTruth, that of
+a camera's look in are_msgs/PerceivedArtefact.
+"""
+
+from collections.abc import Sequence
+from struct import Struct
+from typing import Final
+
+from are_ros.agents.events import PerceivedArtefact
+from are_ros.builder.scene import Scene
+from are_ros.builder.sensors.colour_image import ArtefactInImage
+from are_ros.messages.cdr import CdrWriter
+from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.rigid_transform import RigidTransform
+
+_SCORE: Final = Struct("<d")
+_POSE: Final = Struct("<7d")
+_COVARIANCE: Final = Struct("<36d")
+_BOX_2D: Final = Struct("<5d")
+_SIZE: Final = Struct("<3d")
+_CERTAIN: Final = (0.0,) * 36
+
+
+def encode_boxes_in_image(
+    frame_id: str, stamp_ns: int, artefacts: Sequence[ArtefactInImage]
+) -> bytes:
+    """Return a vision_msgs/Detection2DArray of the artefacts with a pixel of their own.
+
+    Pixel (0, 0) is the square from 0 to 1, so that a box from the first pixel of an image to its
+    last is as large as the image. Poses are those of the middles of the artefacts' boxes, in the
+    optical frame.
+    """
+    seen = [one for one in artefacts if one.visible_pixels]
+    writer = CdrWriter()
+    writer.header(frame_id, stamp_ns)
+    writer.count(len(seen))
+    for one in seen:
+        x, y, width, height = one.roi_px
+        writer.header(frame_id, stamp_ns)
+        writer.count(1)
+        _append_hypothesis(writer, one.artefact.row.class_name, 1.0, one.camera_from_box, _CERTAIN)
+        middle = x + 0.5 * width, y + 0.5 * height, 0.0
+        writer.pack(_BOX_2D, 8, *middle, width, height)
+        writer.text(str(one.artefact.id))
+    return writer.message()
+
+
+def encode_boxes_of_scene(frame_id: str, stamp_ns: int, scene: Scene) -> bytes:
+    """Return a vision_msgs/Detection3DArray of all artefacts, as they truly are."""
+    poses = (RigidTransform(pose[:3], pose[3:]) for pose in scene.poses)
+    hypotheses = [
+        [(row.class_name, 1.0, pose, _CERTAIN)] for row, pose in zip(scene.rows, poses, strict=True)
+    ]
+    return _encode_boxes(frame_id, stamp_ns, scene.ids.tolist(), hypotheses, scene.boxes)
+
+
+def encode_boxes_of_perceived(
+    frame_id: str, stamp_ns: int, perceived: Sequence[PerceivedArtefact], boxes: OrientedBoxes
+) -> bytes:
+    """Return a vision_msgs/Detection3DArray of what is perceived, N, with its boxes (N).
+
+    The score of a class is the probability that there is an artefact of this class: existence times
+    that of the class. The scores of all classes sum to the existence.
+    """
+    ids = [one.artefact_id for one in perceived]
+    hypotheses = [
+        [
+            (name, one.existence * probability, one.map_from_artefact, one.pose_covariance)
+            for name, probability in zip(one.classes, one.probabilities, strict=True)
+        ]
+        for one in perceived
+    ]
+    return _encode_boxes(frame_id, stamp_ns, ids, hypotheses, boxes)
+
+
+_Hypothesis = tuple[str, float, RigidTransform, Sequence[float]]
+
+
+def _encode_boxes(
+    frame_id: str,
+    stamp_ns: int,
+    ids: Sequence[int],
+    hypotheses: Sequence[Sequence[_Hypothesis]],
+    boxes: OrientedBoxes,
+) -> bytes:
+    columns = boxes.centres_m.tolist(), boxes.yaws_rad.tolist(), boxes.half_sizes_m.tolist()
+    writer = CdrWriter()
+    writer.header(frame_id, stamp_ns)
+    writer.count(len(ids))
+    for number, results, (x, y, z), yaw_rad, halves_m in zip(
+        ids, hypotheses, *columns, strict=True
+    ):
+        writer.header(frame_id, stamp_ns)
+        writer.count(len(results))
+        for result in results:
+            _append_hypothesis(writer, *result)
+        _append_pose(writer, RigidTransform.planar(x, y, yaw_rad, z))
+        writer.pack(_SIZE, 8, *(2.0 * half_m for half_m in halves_m))
+        writer.text(str(number))
+    return writer.message()
+
+
+def _append_hypothesis(
+    writer: CdrWriter,
+    class_name: str,
+    score: float,
+    pose: RigidTransform,
+    covariance: Sequence[float],
+) -> None:
+    writer.text(class_name)
+    writer.pack(_SCORE, 8, score)
+    _append_pose(writer, pose)
+    writer.pack(_COVARIANCE, 8, *covariance)
+
+
+def _append_pose(writer: CdrWriter, pose: RigidTransform) -> None:
+    writer.pack(_POSE, 8, *pose.translation_m.tolist(), *pose.rotation_xyzw.tolist())
