@@ -32,6 +32,7 @@ endif
 .PHONY: setup demo test test-long lint bench colcon constraints clean another-python
 
 setup: $(VENV)/ready-for-ros # what the commands need, ROS 2's Python included; nothing is run
+	@if test -e $<; then $(BIN)/python scripts/build_messages.py; fi
 
 demo: $(VENV)/ready-for-ros
 	@if test -e $<; then $(BIN)/are demo --params config/nav2_are.yaml --out $(OUT)/demo; \
@@ -69,13 +70,14 @@ $(VENV)/ready-for-ros: $(VENV)/ready scripts/build_messages.py $(shell find msg_
 	  rm $(VENV)/without-ros && \
 	  echo 'installing rclpy, and what builds messages for it' && \
 	  $(PIP) --editable '.[replay,view,ros,ros-build]' && \
-	  $(BIN)/python scripts/build_messages.py && \
+	  $(BIN)/python scripts/build_messages.py tf2_msgs map_msgs are_msgs && \
 	  touch $@; \
 	else cat $(VENV)/without-ros >&2; fi
 
 $(VENV)/ready-for-tests: $(VENV)/ready | $(VENV)/ready-for-ros
 	@echo 'installing what tests and lint need'
 	@$(PIP) --editable '.[replay,view,test,lint]'
+	@if test -e $(VENV)/ready-for-ros; then $(BIN)/python scripts/build_messages.py; fi
 	@touch $@
 
 constraints: # writes the exact versions that pip finds today, for the Python at hand; KEEP=yes: only new ones

@@ -13,7 +13,7 @@ from are_ros.errors import NodeError
 
 _BUILT_HERE: Final = ("are_msgs",)
 _COMPAT: Final = ("map_msgs", "tf2_msgs", "vision_msgs")
-_PROJECT: Final = "'make demo' in the project builds it"
+_PROJECT: Final = "'make setup' in the project builds it"
 
 
 def message_class(type_name: str) -> Any:
