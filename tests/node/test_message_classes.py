@@ -38,7 +38,7 @@ def test_services_are_there() -> None:
     [
         ("no_msgs/msg/Thing", "no_msgs is not installed; 'sudo apt install ros-jazzy-no-msgs'"),
         ("are_msgs/msg/Thing", "another one; 'colcon build' in the workspace builds it, and 'make"),
-        ("map_msgs/msg/Thing", "ros-jazzy-map-msgs' installs it, and 'make demo' in the project"),
+        ("map_msgs/msg/Thing", "ros-jazzy-map-msgs' installs it, and 'make setup' in the project"),
         ("nav_msgs/OccupancyGrid", "it reads package/msg/Name"),
         ("are_msgs/srv/Reseed", "it reads package/msg/Name"),
         ("", "it reads package/msg/Name"),
