@@ -10,7 +10,7 @@ from typing import NoReturn
 import click
 
 from are_ros._version import __version__
-from are_ros.cli import live, offline, soaking
+from are_ros.cli import live, offline
 from are_ros.cli.options import FAILED, INTERRUPTED
 from are_ros.errors import AreError
 
@@ -31,7 +31,7 @@ def are(context: click.Context) -> None:
         click.echo(context.get_help())
 
 
-for _command in (*offline.COMMANDS, *live.COMMANDS, *soaking.COMMANDS):
+for _command in (*offline.COMMANDS, *live.COMMANDS):
     are.add_command(_command)
 
 

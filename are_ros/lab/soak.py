@@ -18,8 +18,7 @@ from are_ros.builder.tick import Demand, Tick
 from are_ros.checks.oracle.solids import RealMap
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import MapError, ParameterError
-from are_ros.lab.motion_judge import Limits, MotionJudge
-from are_ros.lab.verdict import Verdict
+from are_ros.lab.motion_judge import Limits, MotionJudge, Verdict
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue, MotionLimits

@@ -80,9 +80,9 @@ def test_wrong_usage_is_said(rows_file: Path, words: tuple[str, ...], part: str)
 
 def test_an_error_is_one_of_the_family(tmp_path: Path) -> None:
     """What `are` turns into one sentence and status 1."""
-    (tmp_path / "rows.json").write_text("[3, 2.5]", encoding="utf-8")
-    done = run(tmp_path / "rows.json", "--out", tmp_path)
+    (tmp_path / "rows.csv").write_text("3\n2.5\n", encoding="utf-8")
+    done = run(tmp_path / "rows.csv", "--out", tmp_path)
     assert isinstance(done.exception, InputError)
     assert str(done.exception) == (
-        "rows.json, entry 1: row '2.5' is a fraction, but rows are whole numbers"
+        "rows.csv, line 2: row '2.5' is a fraction, but rows are whole numbers"
     )

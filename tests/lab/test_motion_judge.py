@@ -12,8 +12,7 @@ import pytest
 from are_ros.agents.events import ArtefactState
 from are_ros.checks.oracle.solids import RealMap
 from are_ros.lab import motion_judge
-from are_ros.lab.motion_judge import Limits, MotionJudge
-from are_ros.lab.verdict import FAULTS
+from are_ros.lab.motion_judge import FAULTS, Limits, MotionJudge
 from are_ros.population.artefact import GroundPose, Origin
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -394,11 +393,9 @@ def test_sentences_are_bounded_and_counts_are_not() -> None:
 
 def test_the_judge_shares_no_geometry_with_what_it_judges() -> None:
     """Of the package it imports the record that it reads, its own modules, and the oracle."""
-    folder = Path(motion_judge.__file__).parent
     names = {
         f"{node.module}.{alias.name}"
-        for file in ("motion_judge", "verdict")
-        for node in ast.walk(ast.parse((folder / f"{file}.py").read_text(encoding="utf-8")))
+        for node in ast.walk(ast.parse(Path(motion_judge.__file__).read_text(encoding="utf-8")))
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("are_ros.")
         for alias in node.names
     }
