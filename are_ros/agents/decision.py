@@ -295,7 +295,7 @@ class DecisionLayer:
             except BehaviourError as fault:
                 self._stop(row, fault, situation.now_ns)
                 continue
-            prospect, advantages = known.get(row), [0.0] * len(repertoire)
+            prospect, advantages = known.get(row), [0.0] * len(rewards)
             if prospect is not None and prospect.kind is Prospects.CHOOSES:
                 advantages = repertoire.advantages(prospect.values, prospect.rest)
             values = [
