@@ -36,7 +36,7 @@ class Neighbourhood:
 
     def __init__(self, points_m: npt.NDArray[np.float64], cell_m: float = 4.0) -> None:
         """Sort points (N, 2) [m], float64, into cells; `cell_m` should be near the usual radii."""
-        self.cells = _sorted_into_cells(np.ascontiguousarray(points_m), cell_m)
+        self.cells = _sorted_into_cells(np.array(points_m, np.float64, order="C"), cell_m)
         """The fields of `Cells`; compiled code takes plain tuples much faster."""
 
     def within(self, x_m: float, y_m: float, radius_m: float) -> npt.NDArray[np.int64]:
@@ -46,16 +46,12 @@ class Neighbourhood:
         """
         return _near(self.cells, x_m, y_m, radius_m)
 
+    def nearest_to(self, places_m: _Floats) -> _Indices:
+        """Return the index of the point nearest to each place (M, 2), int64 (M,).
 
-def nearest_of(points_m: _Floats, places_m: _Floats) -> _Indices:
-    """Return the index of the nearest of places (K, 2), K > 0, for each point (M, 2): (M,).
-
-    Of several at the same distance, it is the first.
-    """
-    apart_m = points_m[:, None] - places_m
-    squares = apart_m[..., 0] * apart_m[..., 0] + apart_m[..., 1] * apart_m[..., 1]
-    nearest: _Indices = squares.argmin(axis=1)
-    return nearest
+        Of several at the same distance, it is the first. There has to be a point.
+        """
+        return _nearest(self.cells, places_m)
 
 
 @compiled
@@ -63,6 +59,19 @@ def _near(cells: CellArrays, x_m: float, y_m: float, radius_m: float) -> _Indice
     count = cells[0].shape[0]
     found = np.empty(count, np.int64)
     return found[: find_near(Cells(*cells), x_m, y_m, radius_m, found, np.empty(count))]
+
+
+@compiled
+def _nearest(cells: CellArrays, places_m: _Floats) -> _Indices:
+    count = cells[0].shape[0]
+    found, squares = np.empty(count, np.int64), np.empty(count)
+    nearest = np.empty(places_m.shape[0], np.int64)
+    for k in range(places_m.shape[0]):
+        x_m, y_m, radius_m = places_m[k, 0], places_m[k, 1], cells[5]
+        while find_near(Cells(*cells), x_m, y_m, radius_m, found, squares) == 0:
+            radius_m *= 2.0
+        nearest[k] = found[0]
+    return nearest
 
 
 def _sorted_into_cells(points_m: _Floats, cell_m: float) -> CellArrays:

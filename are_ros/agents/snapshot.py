@@ -10,7 +10,7 @@ import numpy.typing as npt
 from are_ros.agents.behaviours.situation import Neighbour
 from are_ros.agents.navigation.destinations import Destinations
 from are_ros.agents.navigation.step_kernels import CrowdArrays
-from are_ros.agents.neighbours import Neighbourhood, nearest_of
+from are_ros.agents.neighbours import Neighbourhood
 from are_ros.population.artefact import Artefact
 
 _Floats = npt.NDArray[np.float64]
@@ -84,8 +84,7 @@ class AgentSnapshot:
         """Return the artefact at an index as a neighbour, which is constructed once."""
         neighbour = self._neighbours.get(index)
         if neighbour is None:
-            numbers = [column[index] for column in self._columns]
-            neighbour = _neighbour(self._artefacts[index], *numbers)
+            neighbour = _neighbour(self._artefacts[index], *self._numbers[index].tolist())
             self._neighbours[index] = neighbour
         return neighbour
 
@@ -121,10 +120,10 @@ class AgentSnapshot:
         return (*cells, self._poses, self._ahead_m, self._radii_m)
 
     @cached_property
-    def _columns(self) -> list[list[float]]:
-        """Plain numbers: x, y [m], yaw [rad], speeds [m/s] and radii [m]."""
+    def _numbers(self) -> _Floats:
+        """A row for each: x, y [m], yaw [rad], speed [m/s] and radius [m]."""
         x_m, y_m, _, yaw_rad = self._poses.T
-        return [one.tolist() for one in (x_m, y_m, yaw_rad, self._speeds_mps, self._radii_m)]
+        return np.column_stack((x_m, y_m, yaw_rad, self._speeds_mps, self._radii_m))
 
     @cached_property
     def _neighbourhood(self) -> Neighbourhood:
@@ -146,7 +145,7 @@ class AgentSnapshot:
         """Return the index of the destination nearest to each of a group; they are found once."""
         key = group, places
         if key not in self._nearest:
-            self._nearest[key] = nearest_of(group.cells[0], places.destinations_m)
+            self._nearest[key] = places.nearest_to(group.cells[0])
         return self._nearest[key]
 
 

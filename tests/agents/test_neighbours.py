@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.agents.neighbours import Neighbourhood, nearest_of
+from are_ros.agents.neighbours import Neighbourhood
 
 COORDINATES = st.floats(-50.0, 50.0) | st.sampled_from((0.0, 4.0, -4.0, 1e6, -1e6))
 
@@ -44,10 +44,13 @@ def test_a_crowd_of_any_size(count: int) -> None:
         assert near.within(*centre, 7.0).tolist() == slow(points_m, *centre, 7.0)
 
 
-def test_the_nearest_place_is_the_first_of_the_nearest() -> None:
-    """On a grid, where several often are as near."""
+def test_the_nearest_point_is_the_first_of_the_nearest() -> None:
+    """On a grid, where several often are as near; also from far away, and among outliers."""
     rng = np.random.default_rng(8)
     for count in (1, 2, 40):
-        points_m, places_m = (rng.integers(-4, 5, (n, 2)).astype(np.float64) for n in (30, count))
-        away_m = np.hypot(*np.moveaxis(points_m[:, None] - places_m, 2, 0))
-        np.testing.assert_array_equal(nearest_of(points_m, places_m), away_m.argmin(axis=1))
+        places_m, points_m = (rng.integers(-4, 5, (n, 2)).astype(np.float64) for n in (30, count))
+        points_m[-1] *= 1e4
+        places_m[-1] *= 1e5
+        away_m = np.hypot(*np.moveaxis(places_m[:, None] - points_m, 2, 0))
+        nearest = Neighbourhood(points_m, 0.5).nearest_to(places_m)
+        np.testing.assert_array_equal(nearest, away_m.argmin(axis=1))

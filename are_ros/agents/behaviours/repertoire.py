@@ -118,7 +118,7 @@ class Repertoire:
 
     def rewards(self, situation: Situation) -> list[float]:
         """Return what a second of each behaviour is worth now (B,); see `Behaviour`."""
-        rewards = [0.0] * len(self)
+        rewards = [0.0] * len(self.names)
         for index, one in self._rewarding:
             rewards[index] = reward_of(one, situation)
         return rewards

@@ -45,7 +45,11 @@ def boltzmann(prior: Sequence[float], values: Sequence[float], temperature: floa
     """
     best, pairs = max(compress(values, prior)), zip(prior, values, strict=True)
     if temperature > 0.0:
-        return [share * math.exp(min(value - best, 0.0) / temperature) for share, value in pairs]
+        exp = math.exp
+        return [
+            share * exp((value - best) / temperature) if value < best else share
+            for share, value in pairs
+        ]
     return [share if value >= best - _TIE else 0.0 for share, value in pairs]
 
 

@@ -2,12 +2,14 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros.agents.mdp.coarse_map import Cell, CoarseMap
+from are_ros.agents.neighbours import Neighbourhood
 from are_ros.world.occupancy_grid import OccupancyGrid
 
 AREA_OF_ONE_M2: Final = 25.0
@@ -37,6 +39,17 @@ class Destinations:
     def __post_init__(self) -> None:
         self.destinations_m.flags.writeable = False
         self.exits_m.flags.writeable = False
+
+    def nearest_to(self, points_m: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
+        """Return the index of the destination nearest to each point (M, 2), int64 (M,).
+
+        There has to be a destination.
+        """
+        return self._neighbourhood.nearest_to(points_m)
+
+    @cached_property
+    def _neighbourhood(self) -> Neighbourhood:
+        return Neighbourhood(self.destinations_m)
 
 
 def destinations_in(
