@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 import trimesh
@@ -10,8 +11,10 @@ import trimesh
 from are_ros.builder.files.catalogue_file import read_catalogue
 from are_ros.builder.rendering.surface import SurfaceBank
 from are_ros.population.catalogue import CatalogueRow, MeshFile
+from are_ros.population.meshes import detail
 from are_ros.population.meshes.appearance import DrawnMesh, drawn_mesh
-from are_ros.population.meshes.geometry import file_geometry
+from are_ros.population.meshes.geometry import file_geometry, shape_geometry, surface_of
+from are_ros.population.meshes.shapes import Shape
 
 PERSONS = [row for row in read_catalogue().rows if row.class_name == "person"]
 
@@ -61,9 +64,94 @@ def test_no_two_persons_look_alike() -> None:
     assert SurfaceBank(8).of(row, 12).corners_m.tobytes() != surfaces[12].corners_m.tobytes()
 
 
-def test_a_thing_has_one_look() -> None:
-    """Artefacts of a row that is no person share a surface."""
-    row = next(row for row in read_catalogue().rows if row.class_name == "pallet")
+THINGS = [row for row in read_catalogue().rows if row.class_name != "person"]
+
+
+@pytest.mark.parametrize("row", THINGS, ids=lambda row: row.label)
+def test_a_thing_fills_its_box(row: CatalogueRow) -> None:
+    """Its bounds are the row's box, it is closed, faces outwards, and has few triangles."""
+    half = 0.5 * np.array(row.size_m)
+    for seed in range(3):
+        mesh = drawn_mesh(row, np.random.default_rng(seed))
+        np.testing.assert_allclose(mesh.corners_m.min(axis=(0, 1)), -half, atol=1e-9)
+        np.testing.assert_allclose(mesh.corners_m.max(axis=(0, 1)), half, atol=1e-9)
+        assert 200 < len(mesh.corners_m) < 4000
+        assert 0.0 <= mesh.colours.min() <= mesh.colours.max() <= 1.0
+        points = mesh.corners_m.reshape(-1, 3)
+        body = trimesh.Trimesh(points, np.arange(len(points)).reshape(-1, 3))
+        assert body.is_watertight
+        assert body.is_winding_consistent
+        assert min(part.volume for part in body.split()) > 0.0
+
+
+@pytest.mark.parametrize("shape", [shape for shape in Shape if shape is not Shape.PERSON])
+def test_a_finer_body_is_seen_where_the_coarse_one_is(shape: Shape) -> None:
+    """From the side, its silhouette and that of the shape that sensors see are mostly the same."""
+    row = next((row for row in THINGS if row.surface is shape), None)
+    size_m = (1.0, 0.8, 0.6) if row is None else row.size_m
+    features = {} if row is None else row.features
+    made = CatalogueRow(
+        *(0, "thing", "thing", *shape_geometry(shape, size_m), shape), features=features
+    )
+    fine = drawn_mesh(made, np.random.default_rng(3)).corners_m
+    vertices_m, faces, _ = surface_of(made)
+    coarse = (vertices_m - np.array(made.box_centre_in_artefact_m))[faces]
+    side = 1 if size_m[0] >= size_m[1] else 0
+    seen, expected = (silhouette(corners, 1 - side, size_m) for corners in (fine, coarse))
+    assert (seen & expected).sum() > 0.75 * (seen | expected).sum()
+
+
+def silhouette(corners_m: Any, axis: int, size_m: tuple[float, float, float]) -> Any:
+    """Return which of 60 x 60 cells of the box's side (along the axis, upwards) are covered."""
+    image = np.zeros((60, 60), dtype=np.uint8)
+    scale = 60.0 / np.array((size_m[axis], size_m[2]))
+    for triangle in (corners_m[:, :, [axis, 2]] * scale + 30.0) * 16.0:
+        cv2.fillConvexPoly(image, np.rint(triangle).astype(np.int32), 1, shift=4)
+    return image > 0
+
+
+def test_two_things_of_a_row_differ() -> None:
+    """Paint, plates, wood and loads follow from the seed and the id, and are the same again."""
+    bank, again = SurfaceBank(7), SurfaceBank(7)
+    for label in ("car_city_red", "pallet_euro", "pallet_loaded", "structure_cone"):
+        row = next(row for row in THINGS if row.label == label)
+        looks = [bank.of(row, number).colours.tobytes() for number in range(10)]
+        assert len(set(looks)) == 10
+        assert again.of(row, 4).colours.tobytes() == looks[4]
+
+
+def test_the_paint_of_a_car_stays_near_the_colour_of_its_row() -> None:
+    """A red car is a red one in every shade: most of its surface has the row's hue."""
+    row = next(row for row in THINGS if row.label == "car_city_red")
+    for seed in range(10):
+        mesh = drawn_mesh(row, np.random.default_rng(seed))
+        sides = mesh.corners_m[:, 1:] - mesh.corners_m[:, :1]
+        area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+        red, green, blue = mesh.colours[:, 0].T
+        assert area[(red > 2.0 * green) & (red > 2.0 * blue)].sum() > 0.35 * area.sum()
+
+
+def test_cars_show_their_lights_and_wheels_where_they_are() -> None:
+    """Headlights in front, tail lights behind, and tyres on the ground at four corners."""
+    row = next(row for row in THINGS if row.label == "car_saloon_grey")
+    mesh = drawn_mesh(row, np.random.default_rng(0))
+    middles, tones = mesh.corners_m.mean(axis=1), mesh.colours[:, 0]
+    for tone, is_in_front in ((detail.HEADLIGHT, True), (detail.TAIL_LIGHT, False)):
+        places = middles[(np.abs(tones - tone[:3]) < 1e-9).all(axis=1)]
+        assert len(places) > 0
+        assert ((places[:, 0] > 1.5) == is_in_front).all()
+        assert ((places[:, 0] < -1.5) != is_in_front).all()
+    tyres = middles[(np.abs(tones - detail.TYRE[:3]) < 1e-9).all(axis=1)]
+    assert {(x > 0, y > 0) for x, y, _ in tyres.tolist()} == {
+        (front, left) for front in (False, True) for left in (False, True)
+    }
+
+
+def test_a_mesh_of_the_users_has_one_look(tmp_path: Path) -> None:
+    """Artefacts of a row with a file share a surface."""
+    trimesh.creation.box((1, 1, 1)).export(tmp_path / "box.ply")
+    source = MeshFile(tmp_path / "box.ply")
+    row = CatalogueRow(0, "thing", "thing", *file_geometry(source), source)
     bank = SurfaceBank(7)
     assert bank.of(row, 1) is bank.of(row, 2)
 

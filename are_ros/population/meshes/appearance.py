@@ -1,8 +1,10 @@
 """What a camera sees of an artefact: triangles with normals, colours and a texture.
 
-Persons differ from each other. A mesh file keeps its texture coordinates, textures and normals.
+Built-in shapes are finer here than for the sensors, and differ by seed and id. A mesh file keeps
+its texture coordinates, textures and normals.
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
@@ -10,9 +12,22 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.population.catalogue import CatalogueRow, MeshFile
+from are_ros.population.meshes.detail import BodySpec
 from are_ros.population.meshes.figure import Appearance, person_figure
-from are_ros.population.meshes.geometry import axes_of, face_colours, read_bodies, surface_of
-from are_ros.population.meshes.shapes import Shape
+from are_ros.population.meshes.geometry import axes_of, face_colours, read_bodies
+from are_ros.population.meshes.robots import cart_robot, disc_robot, serving_robot
+from are_ros.population.meshes.shapes import Shape, Solid
+from are_ros.population.meshes.things import (
+    barrier,
+    cone,
+    crate,
+    door,
+    loaded_pallet,
+    pallet,
+    pillar,
+    wall,
+)
+from are_ros.population.meshes.vehicles import buggy, car, lorry, scooter, van
 
 if TYPE_CHECKING:
     import trimesh
@@ -20,6 +35,14 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 Pixels = npt.NDArray[np.uint8]
 
+_MAKERS: Final[Mapping[Shape, Callable[[BodySpec], Solid]]] = {
+    Shape(maker.__name__): maker
+    for maker in (
+        *(disc_robot, cart_robot, serving_robot, car, van, lorry, buggy, scooter),
+        *(pallet, loaded_pallet, wall, door, barrier, cone, pillar, crate),
+    )
+}
+"""What makes the body of each built-in shape but the person, at a size, in a colour."""
 _LARGEST: Final = 2048
 """Textures are not larger than this, in pixels along a side."""
 
@@ -52,14 +75,14 @@ class DrawnMesh:
 
 def differs(row: CatalogueRow) -> bool:
     """Return whether the artefacts of a row look different from each other."""
-    return row.surface is Shape.PERSON
+    return isinstance(row.surface, Shape)
 
 
 def drawn_mesh(row: CatalogueRow, random: np.random.Generator) -> DrawnMesh:
-    """Return what is drawn of an artefact of a row; `random` chooses how a person looks.
+    """Return what is drawn of an artefact of a row; `random` chooses how it looks.
 
-    A person has the size of the row's box, or is up to an eighth narrower. `CatalogueError` as
-    `geometry.mesh_of`.
+    It has exactly the size of the row's box; a person is up to an eighth narrower.
+    `CatalogueError` as `geometry.mesh_of`.
     """
     if isinstance(row.surface, MeshFile):
         return _of_file(row.surface, row.colour)
@@ -72,9 +95,10 @@ def drawn_mesh(row: CatalogueRow, random: np.random.Generator) -> DrawnMesh:
         )
         figure = person_figure(row.size_m, looks)
         return DrawnMesh.plain(figure.corners_m, figure.colours, figure.normals)
-    vertices_m, faces, colours = surface_of(row)
-    corners = (vertices_m - np.array(row.box_centre_in_artefact_m))[faces]
-    return DrawnMesh.plain(corners, np.repeat(colours[:, np.newaxis, :3], 3, axis=1))
+    spec = BodySpec(row.size_m, row.colour, random, row.features)
+    body = _MAKERS[row.surface](spec).fitted(row.size_m)
+    corners = (body.vertices_m - (0.0, 0.0, 0.5 * row.size_m[2]))[body.faces]
+    return DrawnMesh.plain(corners, np.repeat(body.colours[:, np.newaxis, :3], 3, axis=1))
 
 
 def _of_file(source: MeshFile, colour: tuple[float, float, float, float]) -> DrawnMesh:
