@@ -39,7 +39,7 @@ _LED: Colour = (0.2, 0.85, 0.95, 1.0)
 
 
 def disc_robot(spec: BodySpec) -> Solid:
-    """Return a round robot: base with bumper, two plates on posts, a laser scanner, cables."""
+    """Return a round robot: base with bumper, a plate on posts, a laser scanner, a camera."""
     length, _width, height = spec.size_m
     r, z = 0.5 * length, height
     paint = spec.paint(0.12)
@@ -54,7 +54,7 @@ def disc_robot(spec: BodySpec) -> Solid:
             shaded(paint, 1.15),
             sides=28,
         )
-        for a in (0.56, 0.8)
+        for a in (0.8,)
     ]
     posts = [
         rod(
@@ -71,16 +71,16 @@ def disc_robot(spec: BodySpec) -> Solid:
                 (0.05 * z, 0.9 * r),
                 (0.08 * z, 0.98 * r),
                 (0.12 * z, r),
-                (0.24 * z, r),
-                (0.3 * z, 0.95 * r),
-                (0.325 * z, 0.84 * r),
+                (0.3 * z, r),
+                (0.35 * z, 0.95 * r),
+                (0.375 * z, 0.84 * r),
             ],
             paint,
             sides=32,
         ),
         turned([(0.14 * z, 1.004 * r), (0.21 * z, 1.004 * r)], RUBBER, sides=32),
         turned(
-            [(0.33 * z, 0.2 * r), (0.345 * z, 0.18 * r)],
+            [(0.37 * z, 0.2 * r), (0.395 * z, 0.18 * r)],
             (0.2, 0.75, 0.3, 1.0),
             at=(0.5 * r, 0.0),
             sides=12,
@@ -102,7 +102,7 @@ def disc_robot(spec: BodySpec) -> Solid:
             sides=20,
         ),
         soft_box(
-            (-0.5 * r, -0.35 * r, 0.605 * z),
+            (-0.5 * r, -0.35 * r, 0.66 * z),
             (0.25 * r, 0.35 * r, 0.72 * z),
             0.015,
             (0.14, 0.3, 0.2, 1.0),
@@ -270,7 +270,7 @@ def serving_robot(spec: BodySpec) -> Solid:
             WHITE,
         )
         parts.append(tilted(eye, (-0.8 * x, 0.85 * z), 0.12))
-    for shelf in (0.37, 0.55, 0.73):
+    for shelf in (0.385, 0.577, 0.75):
         parts.append(
             soft_box(
                 (-0.84 * x, -0.9 * y, shelf * z),

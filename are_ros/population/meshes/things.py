@@ -68,20 +68,29 @@ def _boards(size_m: Point, colour: Colour, random: np.random.Generator) -> list[
             0.065 if number in {0, count - 1} or number == count // 2 else min(0.05, 0.42 * pitch)
         )
         parts.append(soft_box((-x, b - half, stringer), (x, b + half, height), 0.004, wood()))
-        for a in columns:
-            for side in (-0.03, 0.03):
-                nail = box(
-                    (a + side - 0.004, b - 0.004, height - 0.002),
-                    (a + side + 0.004, b + 0.004, height + 0.0008),
-                    (0.3, 0.28, 0.26, 1.0),
-                )
-                parts.append(nail)
     return parts
 
 
 def pallet(spec: BodySpec) -> Solid:
     """Return a flat pallet of boards and blocks."""
-    return joined(_boards(spec.size_m, spec.colour, spec.random))
+    parts = _boards(spec.size_m, spec.colour, spec.random)
+    return joined([*parts, *_nails(spec.size_m)])
+
+
+def _nails(size_m: Point) -> list[Solid]:
+    """Return the heads of the nails over the corners of a pallet, and along its sides."""
+    length, width, height = size_m
+    tone: Colour = (0.3, 0.28, 0.26, 1.0)
+    places = [
+        (a + side, b)
+        for a in (0.075 - 0.5 * length, 0.0, 0.5 * length - 0.075)
+        for b in (0.065 - 0.5 * width, 0.0, 0.5 * width - 0.065)
+        for side in (-0.03, 0.03)
+    ]
+    return [
+        box((a - 0.004, b - 0.004, height - 0.002), (a + 0.004, b + 0.004, height + 0.0008), tone)
+        for a, b in places
+    ]
 
 
 def loaded_pallet(spec: BodySpec) -> Solid:
@@ -110,7 +119,7 @@ def loaded_pallet(spec: BodySpec) -> Solid:
 
 def _carton(low: Point, high: Point, random: np.random.Generator) -> list[Solid]:
     """Return a carton with tape over its top and down its sides, and a label on some."""
-    body = soft_box(low, high, 0.006, shade_of(_CARDBOARD, random, 0.12))
+    body = box(low, high, shade_of(_CARDBOARD, random, 0.12))
     middle, out = 0.5 * (low[1] + high[1]), 0.0012
     tape = box(
         (low[0] - out, middle - 0.025, high[2] - 0.09),
@@ -215,7 +224,7 @@ def barrier(spec: BodySpec) -> Solid:
     x, y, z = 0.5 * length, 0.5 * width, height
     paint = spec.paint(0.1)
     parts: list[Solid] = []
-    for low, high in ((0.42, 0.62), (0.74, 0.94)):
+    for low, high in ((0.45, 0.65), (0.8, 0.985)):
         parts.append(soft_box((-0.022, -y, low * z), (0.022, y, high * z), 0.008, WHITE))
         lean, wide = (high - low) * z, 0.16
         at = -y + 0.005 - lean
