@@ -27,8 +27,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("labels", nargs="*")
     parser.add_argument("--out", type=Path, default=Path("docs/images/catalogue.png"))
-    parser.add_argument("--width", type=int, default=160, help="of one picture [px]")
-    parser.add_argument("--columns", type=int, default=7)
+    parser.add_argument("--width", type=int, default=150, help="of one picture [px]")
+    parser.add_argument("--columns", type=int, default=8)
     parser.add_argument("--turn", type=float, default=145.0, help="degrees, 180 is head-on")
     parser.add_argument("--distance", type=float, help="metres; as much as it needs by default")
     arguments = parser.parse_args()
@@ -46,7 +46,9 @@ def main() -> None:
     sheet = Image.new("RGB", (columns * width, -(-len(tiles) // columns) * height), "white")
     for number, tile in enumerate(tiles):
         sheet.paste(tile, (number % columns * width, number // columns * height))
-    sheet.save(arguments.out, optimize=True)
+    sheet.quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(
+        arguments.out, optimize=True
+    )
 
 
 def _picture(
@@ -60,7 +62,7 @@ def _picture(
     width, height = size_px
     focal = 1.4 * width
     half = 0.5 * np.array(row.size_m)
-    reach = max(0.62 * math.hypot(half[0], half[1]) + 0.1, half[2] * 1.15)
+    reach = max(0.75 * math.hypot(half[0], half[1]) + 0.15, half[2] * 1.5)
     away = distance_m or max(2.8 * reach + 0.5 * half[0], 1.2)
     eye_m = max(1.1, 1.1 * half[2])
     camera = (
@@ -72,8 +74,8 @@ def _picture(
     body = PaintedBody(SurfaceBank(1).of(row, artefact_id), pose, half, 0.0)
     rays = view.directions() @ camera.rotation_matrix().T.astype(np.float32)
     floor_m = np.where(rays[:, :, 2] < -1e-3, eye_m / np.maximum(-rays[:, :, 2], 1e-3), np.inf)
-    fading = np.clip(rays[:, :, 2, np.newaxis] * 160.0, -25.0, 15.0)
-    empty = np.clip(np.array((188.0, 190.0, 192.0)) + fading, 0.0, 255.0).astype(np.uint8)
+    is_floor = (rays[:, :, 2] < -0.02)[:, :, np.newaxis]
+    empty = np.where(is_floor, (176, 177, 178), (204, 206, 208)).astype(np.uint8)
     light = Lighting(is_estimated=False, brightness=1.0, azimuth_rad=3.9, noise=0.0, blur_px=0.4)
     painting = Painter(view).paint(
         empty, camera, [body], floor_m.astype(np.float32), light, np.random.default_rng(0)

@@ -10,6 +10,7 @@ import trimesh
 
 from are_ros.builder.files.catalogue_file import read_catalogue
 from are_ros.builder.rendering.surface import SurfaceBank
+from are_ros.errors import CatalogueError
 from are_ros.population.catalogue import CatalogueRow, MeshFile
 from are_ros.population.meshes import appearance, detail
 from are_ros.population.meshes.appearance import DrawnMesh, drawn_mesh
@@ -180,6 +181,54 @@ def test_the_factor_of_a_material_dims_its_texture(tmp_path: Path) -> None:
     body.export(tmp_path / "dim.glb")
     texture = drawn(MeshFile(tmp_path / "dim.glb")).texture
     np.testing.assert_allclose(texture.reshape(-1, 3), [(250, 184, 0)] * 64, atol=3)
+
+
+def cut(image: Any, **properties: Any) -> Any:
+    """Return a square plate of 1 x 0.1 x 1 m that shows an image with a material's properties."""
+    body = trimesh.creation.box((1.0, 0.1, 1.0))
+    material = trimesh.visual.material.PBRMaterial(baseColorTexture=image, **properties)
+    uv = body.vertices[:, [0, 2]] + 0.5
+    body.visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
+    return body
+
+
+def half_clear() -> Any:
+    """Return a green image of 16 x 16 pixels whose upper half is transparent."""
+    image = pytest.importorskip("PIL.Image", reason="Pillow is not there to read textures")
+    pixels = np.full((16, 16, 4), (0, 200, 0, 255), dtype=np.uint8)
+    pixels[:8, :, 3] = 0
+    return image.fromarray(pixels)
+
+
+def area_above(mesh: DrawnMesh, low_m: float) -> float:
+    """Return the area of the triangles of a mesh whose middle is higher [m^2]."""
+    sides = mesh.corners_m[:, 1:] - mesh.corners_m[:, :1]
+    areas = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    return float(areas[mesh.corners_m.mean(axis=1)[:, 2] > low_m].sum())
+
+
+def test_what_a_material_cuts_out_is_not_drawn(tmp_path: Path) -> None:
+    """Of a plate whose upper half is masked the lower is left, in its place in the box."""
+    cut(half_clear(), alphaMode="MASK", alphaCutoff=0.5).export(tmp_path / "cut.glb")
+    mesh = drawn(MeshFile(tmp_path / "cut.glb"))
+    assert area_above(mesh, 0.0) < 0.02 * area_above(mesh, -1.0)
+    assert mesh.corners_m[:, :, 2].min() == pytest.approx(-0.5)
+    assert area_above(mesh, -1.0) == pytest.approx(1.2, rel=0.1)
+
+
+@pytest.mark.parametrize("mode", ["BLEND", "OPAQUE", None])
+def test_other_materials_are_drawn_opaque(mode: str | None, tmp_path: Path) -> None:
+    """The same plate, half transparent or with an alpha that counts for nothing."""
+    cut(half_clear(), alphaMode=mode).export(tmp_path / "whole.glb")
+    assert area_above(drawn(MeshFile(tmp_path / "whole.glb")), -1.0) == pytest.approx(2.4)
+
+
+def test_a_mesh_of_which_nothing_is_left_is_refused(tmp_path: Path) -> None:
+    """A factor below the cutoff hides all of a body."""
+    plate = cut(half_clear(), alphaMode="MASK", alphaCutoff=0.5, baseColorFactor=(255, 255, 255, 9))
+    plate.export(tmp_path / "clear.glb")
+    with pytest.raises(CatalogueError, match="shows nothing: its materials are transparent"):
+        drawn(MeshFile(tmp_path / "clear.glb"))
 
 
 def looked_up(mesh: DrawnMesh) -> np.ndarray[Any, np.dtype[np.uint8]]:

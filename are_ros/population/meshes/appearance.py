@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.errors import CatalogueError
 from are_ros.population.catalogue import CatalogueRow, MeshFile
 from are_ros.population.meshes.detail import BodySpec
 from are_ros.population.meshes.figure import Appearance, person_figure
@@ -45,6 +46,8 @@ _MAKERS: Final[Mapping[Shape, Callable[[BodySpec], Solid]]] = {
 """What makes the body of each built-in shape but the person, at a size, in a colour."""
 _LARGEST: Final = 2048
 """Textures are not larger than this, in pixels along a side."""
+_MOST_CUT: Final = 20_000
+"""A body from which something is cut out is divided into so many triangles at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,13 +106,17 @@ def drawn_mesh(row: CatalogueRow, random: np.random.Generator) -> DrawnMesh:
 
 def _of_file(source: MeshFile, colour: tuple[float, float, float, float]) -> DrawnMesh:
     """Return the bodies of a file, with all their textures in one."""
-    bodies = read_bodies(source)
+    whole = read_bodies(source)
     turn = axes_of(source)
+    used = np.concatenate([body.vertices[np.unique(body.faces)] for body in whole])
+    centre = 0.5 * (used.min(axis=0) + used.max(axis=0))
+    bodies = [body for body in map(_cut_out, whole) if len(body.faces)]
+    if not bodies:
+        msg = f"the mesh file {source.path} shows nothing: its materials are transparent everywhere"
+        raise CatalogueError(msg)
     corners = np.concatenate(
-        [source.metres_per_unit * body.vertices[body.faces] @ turn.T for body in bodies]
+        [source.metres_per_unit * (body.vertices - centre)[body.faces] @ turn.T for body in bodies]
     )
-    flat = corners.reshape(-1, 3)
-    corners = corners - 0.5 * (flat.min(axis=0) + flat.max(axis=0))
     colours = np.concatenate([_corner_colours(body, colour) for body in bodies])
     own = [_normals(body) for body in bodies]
     normals = None
@@ -123,6 +130,43 @@ def _of_file(source: MeshFile, colour: tuple[float, float, float, float]) -> Dra
         normals = normals @ turn.T
     uvs, texture = _atlas(bodies)
     return DrawnMesh(corners, colours, normals, uvs, texture, False)
+
+
+def _cut_out(body: "trimesh.Trimesh") -> "trimesh.Trimesh":
+    """Return a body without what its material cuts out (alphaMode MASK of glTF).
+
+    Its triangles are divided until they are as small as two pixels of the picture, or too many.
+    """
+    material = getattr(body.visual, "material", None)
+    if getattr(material, "alphaMode", None) != "MASK" or material is None:
+        return body
+    import trimesh
+
+    factor = 1.0 if material.baseColorFactor is None else material.baseColorFactor[3] / 255.0
+    cutoff = 0.5 if material.alphaCutoff is None else material.alphaCutoff
+    picture = material.baseColorTexture
+    if picture is None or body.visual.uv is None:
+        return body if factor >= cutoff else trimesh.Trimesh()
+    alpha = factor * np.asarray(picture.convert("RGBA"), dtype=np.float64)[:, :, 3] / 255.0
+    if (alpha >= cutoff).all():
+        return body
+    height, width = alpha.shape
+    vertices, faces, uvs = body.vertices, body.faces, np.asarray(body.visual.uv)[:, :2]
+    while 4 * len(faces) <= _MOST_CUT and _longest_px(uvs[faces] * (width, height)) > 2.0:
+        vertices, faces, found = trimesh.remesh.subdivide(
+            vertices, faces, vertex_attributes={"uv": uvs}
+        )
+        uvs = found["uv"]
+    u, v = uvs[faces].mean(axis=1).T % 1.0
+    kept = alpha[((1.0 - v) * height).astype(int) % height, (u * width).astype(int)] >= cutoff
+    visual = trimesh.visual.TextureVisuals(uv=uvs, material=material)
+    return trimesh.Trimesh(vertices, faces[kept], visual=visual, process=False)
+
+
+def _longest_px(corners_px: Floats) -> float:
+    """Return the longest side of triangles (F, 3, 2)."""
+    sides = corners_px - np.roll(corners_px, 1, axis=1)
+    return float(np.linalg.norm(sides, axis=2).max())
 
 
 def _normals(body: "trimesh.Trimesh") -> Floats | None:
