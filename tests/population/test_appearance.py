@@ -3,15 +3,20 @@
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 import trimesh
 
 from are_ros.builder.files.catalogue_file import read_catalogue
 from are_ros.builder.rendering.surface import SurfaceBank
+from are_ros.errors import CatalogueError
 from are_ros.population.catalogue import CatalogueRow, MeshFile
+from are_ros.population.meshes import appearance, detail
 from are_ros.population.meshes.appearance import DrawnMesh, drawn_mesh
-from are_ros.population.meshes.geometry import file_geometry
+from are_ros.population.meshes.detail import BodySpec
+from are_ros.population.meshes.geometry import file_geometry, shape_geometry, surface_of
+from are_ros.population.meshes.shapes import Shape
 
 PERSONS = [row for row in read_catalogue().rows if row.class_name == "person"]
 
@@ -61,9 +66,96 @@ def test_no_two_persons_look_alike() -> None:
     assert SurfaceBank(8).of(row, 12).corners_m.tobytes() != surfaces[12].corners_m.tobytes()
 
 
-def test_a_thing_has_one_look() -> None:
-    """Artefacts of a row that is no person share a surface."""
-    row = next(row for row in read_catalogue().rows if row.class_name == "pallet")
+THINGS = [row for row in read_catalogue().rows if row.class_name != "person"]
+
+
+@pytest.mark.parametrize("row", THINGS, ids=lambda row: row.label)
+def test_a_thing_fills_its_box(row: CatalogueRow) -> None:
+    """Its bounds are the row's box, it is closed, faces outwards, and has few triangles."""
+    half = 0.5 * np.array(row.size_m)
+    for seed in range(3):
+        mesh = drawn_mesh(row, np.random.default_rng(seed))
+        np.testing.assert_allclose(mesh.corners_m.min(axis=(0, 1)), -half, atol=1e-9)
+        np.testing.assert_allclose(mesh.corners_m.max(axis=(0, 1)), half, atol=1e-9)
+        assert 200 < len(mesh.corners_m) < 4000
+        assert 0.0 <= mesh.colours.min() <= mesh.colours.max() <= 1.0
+        spec = BodySpec(row.size_m, row.colour, np.random.default_rng(seed), row.features)
+        solid = appearance._MAKERS[Shape(row.surface)](spec)
+        body = trimesh.Trimesh(solid.vertices_m, solid.faces, process=False)
+        assert body.is_watertight
+        assert body.is_winding_consistent
+        assert min(part.volume for part in body.split(only_watertight=False)) > 0.0
+        assert np.ptp(solid.vertices_m, axis=0) == pytest.approx(row.size_m, rel=0.08)
+
+
+@pytest.mark.parametrize("shape", [shape for shape in Shape if shape is not Shape.PERSON])
+def test_a_finer_body_is_seen_where_the_coarse_one_is(shape: Shape) -> None:
+    """From the side, its silhouette and that of the shape that sensors see are mostly the same."""
+    row = next((row for row in THINGS if row.surface is shape), None)
+    size_m = (1.0, 0.8, 0.6) if row is None else row.size_m
+    features = {} if row is None else row.features
+    made = CatalogueRow(
+        *(0, "thing", "thing", *shape_geometry(shape, size_m), shape), features=features
+    )
+    fine = drawn_mesh(made, np.random.default_rng(3)).corners_m
+    vertices_m, faces, _ = surface_of(made)
+    coarse = (vertices_m - np.array(made.box_centre_in_artefact_m))[faces]
+    side = 1 if size_m[0] >= size_m[1] else 0
+    seen, expected = (silhouette(corners, 1 - side, size_m) for corners in (fine, coarse))
+    assert (seen & expected).sum() > 0.6 * (seen | expected).sum()
+
+
+def silhouette(corners_m: Any, axis: int, size_m: tuple[float, float, float]) -> Any:
+    """Return which of 60 x 60 cells of the box's side (along the axis, upwards) are covered."""
+    image = np.zeros((60, 60), dtype=np.uint8)
+    scale = 60.0 / np.array((size_m[axis], size_m[2]))
+    for triangle in (corners_m[:, :, [axis, 2]] * scale + 30.0) * 16.0:
+        cv2.fillConvexPoly(image, np.rint(triangle).astype(np.int32), 1, shift=4)
+    return image > 0
+
+
+def test_two_things_of_a_row_differ() -> None:
+    """Paint, plates, wood and loads follow from the seed and the id, and are the same again."""
+    bank, again = SurfaceBank(7), SurfaceBank(7)
+    for label in ("car_city_red", "pallet_euro", "pallet_loaded", "structure_cone"):
+        row = next(row for row in THINGS if row.label == label)
+        looks = [bank.of(row, number).colours.tobytes() for number in range(10)]
+        assert len(set(looks)) == 10
+        assert again.of(row, 4).colours.tobytes() == looks[4]
+
+
+def test_the_paint_of_a_car_stays_near_the_colour_of_its_row() -> None:
+    """A red car is a red one in every shade: most of its surface has the row's hue."""
+    row = next(row for row in THINGS if row.label == "car_city_red")
+    for seed in range(10):
+        mesh = drawn_mesh(row, np.random.default_rng(seed))
+        sides = mesh.corners_m[:, 1:] - mesh.corners_m[:, :1]
+        area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+        red, green, blue = mesh.colours[:, 0].T
+        assert area[(red > 2.0 * green) & (red > 2.0 * blue)].sum() > 0.35 * area.sum()
+
+
+def test_cars_show_their_lights_and_wheels_where_they_are() -> None:
+    """Headlights in front, tail lights behind, and tyres on the ground at four corners."""
+    row = next(row for row in THINGS if row.label == "car_saloon_grey")
+    mesh = drawn_mesh(row, np.random.default_rng(0))
+    middles, tones = mesh.corners_m.mean(axis=1), mesh.colours[:, 0]
+    for tone, is_in_front in ((detail.HEADLIGHT, True), (detail.TAIL_LIGHT, False)):
+        places = middles[(np.abs(tones - tone[:3]) < 1e-9).all(axis=1)]
+        assert len(places) > 0
+        assert ((places[:, 0] > 1.5) == is_in_front).all()
+        assert ((places[:, 0] < -1.5) != is_in_front).all()
+    tyres = middles[(np.abs(tones - detail.TYRE[:3]) < 1e-9).all(axis=1)]
+    assert {(x > 0, y > 0) for x, y, _ in tyres.tolist()} == {
+        (front, left) for front in (False, True) for left in (False, True)
+    }
+
+
+def test_a_mesh_of_the_users_has_one_look(tmp_path: Path) -> None:
+    """Artefacts of a row with a file share a surface."""
+    trimesh.creation.box((1, 1, 1)).export(tmp_path / "box.ply")
+    source = MeshFile(tmp_path / "box.ply")
+    row = CatalogueRow(0, "thing", "thing", *file_geometry(source), source)
     bank = SurfaceBank(7)
     assert bank.of(row, 1) is bank.of(row, 2)
 
@@ -89,6 +181,54 @@ def test_the_factor_of_a_material_dims_its_texture(tmp_path: Path) -> None:
     body.export(tmp_path / "dim.glb")
     texture = drawn(MeshFile(tmp_path / "dim.glb")).texture
     np.testing.assert_allclose(texture.reshape(-1, 3), [(250, 184, 0)] * 64, atol=3)
+
+
+def cut(image: Any, **properties: Any) -> Any:
+    """Return a square plate of 1 x 0.1 x 1 m that shows an image with a material's properties."""
+    body = trimesh.creation.box((1.0, 0.1, 1.0))
+    material = trimesh.visual.material.PBRMaterial(baseColorTexture=image, **properties)
+    uv = body.vertices[:, [0, 2]] + 0.5
+    body.visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
+    return body
+
+
+def half_clear() -> Any:
+    """Return a green image of 16 x 16 pixels whose upper half is transparent."""
+    image = pytest.importorskip("PIL.Image", reason="Pillow is not there to read textures")
+    pixels = np.full((16, 16, 4), (0, 200, 0, 255), dtype=np.uint8)
+    pixels[:8, :, 3] = 0
+    return image.fromarray(pixels)
+
+
+def area_above(mesh: DrawnMesh, low_m: float) -> float:
+    """Return the area of the triangles of a mesh whose middle is higher [m^2]."""
+    sides = mesh.corners_m[:, 1:] - mesh.corners_m[:, :1]
+    areas = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    return float(areas[mesh.corners_m.mean(axis=1)[:, 2] > low_m].sum())
+
+
+def test_what_a_material_cuts_out_is_not_drawn(tmp_path: Path) -> None:
+    """Of a plate whose upper half is masked the lower is left, in its place in the box."""
+    cut(half_clear(), alphaMode="MASK", alphaCutoff=0.5).export(tmp_path / "cut.glb")
+    mesh = drawn(MeshFile(tmp_path / "cut.glb"))
+    assert area_above(mesh, 0.0) < 0.02 * area_above(mesh, -1.0)
+    assert mesh.corners_m[:, :, 2].min() == pytest.approx(-0.5)
+    assert area_above(mesh, -1.0) == pytest.approx(1.2, rel=0.1)
+
+
+@pytest.mark.parametrize("mode", ["BLEND", "OPAQUE", None])
+def test_other_materials_are_drawn_opaque(mode: str | None, tmp_path: Path) -> None:
+    """The same plate, half transparent or with an alpha that counts for nothing."""
+    cut(half_clear(), alphaMode=mode).export(tmp_path / "whole.glb")
+    assert area_above(drawn(MeshFile(tmp_path / "whole.glb")), -1.0) == pytest.approx(2.4)
+
+
+def test_a_mesh_of_which_nothing_is_left_is_refused(tmp_path: Path) -> None:
+    """A factor below the cutoff hides all of a body."""
+    plate = cut(half_clear(), alphaMode="MASK", alphaCutoff=0.5, baseColorFactor=(255, 255, 255, 9))
+    plate.export(tmp_path / "clear.glb")
+    with pytest.raises(CatalogueError, match="shows nothing: its materials are transparent"):
+        drawn(MeshFile(tmp_path / "clear.glb"))
 
 
 def looked_up(mesh: DrawnMesh) -> np.ndarray[Any, np.dtype[np.uint8]]:

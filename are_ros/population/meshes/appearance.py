@@ -1,18 +1,34 @@
 """What a camera sees of an artefact: triangles with normals, colours and a texture.
 
-Persons differ from each other. A mesh file keeps its texture coordinates, textures and normals.
+Built-in shapes are finer here than for the sensors, and differ by seed and id. A mesh file keeps
+its texture coordinates, textures and normals.
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.errors import CatalogueError
 from are_ros.population.catalogue import CatalogueRow, MeshFile
+from are_ros.population.meshes.detail import BodySpec
 from are_ros.population.meshes.figure import Appearance, person_figure
-from are_ros.population.meshes.geometry import axes_of, face_colours, read_bodies, surface_of
-from are_ros.population.meshes.shapes import Shape
+from are_ros.population.meshes.geometry import axes_of, face_colours, read_bodies
+from are_ros.population.meshes.robots import cart_robot, disc_robot, serving_robot
+from are_ros.population.meshes.shapes import Shape, Solid
+from are_ros.population.meshes.things import (
+    barrier,
+    cone,
+    crate,
+    door,
+    loaded_pallet,
+    pallet,
+    pillar,
+    wall,
+)
+from are_ros.population.meshes.vehicles import buggy, car, lorry, scooter, van
 
 if TYPE_CHECKING:
     import trimesh
@@ -20,8 +36,18 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 Pixels = npt.NDArray[np.uint8]
 
+_MAKERS: Final[Mapping[Shape, Callable[[BodySpec], Solid]]] = {
+    Shape(maker.__name__): maker
+    for maker in (
+        *(disc_robot, cart_robot, serving_robot, car, van, lorry, buggy, scooter),
+        *(pallet, loaded_pallet, wall, door, barrier, cone, pillar, crate),
+    )
+}
+"""What makes the body of each built-in shape but the person, at a size, in a colour."""
 _LARGEST: Final = 2048
 """Textures are not larger than this, in pixels along a side."""
+_MOST_CUT: Final = 20_000
+"""A body from which something is cut out is divided into so many triangles at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,14 +78,14 @@ class DrawnMesh:
 
 def differs(row: CatalogueRow) -> bool:
     """Return whether the artefacts of a row look different from each other."""
-    return row.surface is Shape.PERSON
+    return isinstance(row.surface, Shape)
 
 
 def drawn_mesh(row: CatalogueRow, random: np.random.Generator) -> DrawnMesh:
-    """Return what is drawn of an artefact of a row; `random` chooses how a person looks.
+    """Return what is drawn of an artefact of a row; `random` chooses how it looks.
 
-    A person has the size of the row's box, or is up to an eighth narrower. `CatalogueError` as
-    `geometry.mesh_of`.
+    It has exactly the size of the row's box; a person is up to an eighth narrower.
+    `CatalogueError` as `geometry.mesh_of`.
     """
     if isinstance(row.surface, MeshFile):
         return _of_file(row.surface, row.colour)
@@ -72,20 +98,25 @@ def drawn_mesh(row: CatalogueRow, random: np.random.Generator) -> DrawnMesh:
         )
         figure = person_figure(row.size_m, looks)
         return DrawnMesh.plain(figure.corners_m, figure.colours, figure.normals)
-    vertices_m, faces, colours = surface_of(row)
-    corners = (vertices_m - np.array(row.box_centre_in_artefact_m))[faces]
-    return DrawnMesh.plain(corners, np.repeat(colours[:, np.newaxis, :3], 3, axis=1))
+    spec = BodySpec(row.size_m, row.colour, random, row.features)
+    body = _MAKERS[row.surface](spec).fitted(row.size_m)
+    corners = (body.vertices_m - (0.0, 0.0, 0.5 * row.size_m[2]))[body.faces]
+    return DrawnMesh.plain(corners, np.repeat(body.colours[:, np.newaxis, :3], 3, axis=1))
 
 
 def _of_file(source: MeshFile, colour: tuple[float, float, float, float]) -> DrawnMesh:
     """Return the bodies of a file, with all their textures in one."""
-    bodies = read_bodies(source)
+    whole = read_bodies(source)
     turn = axes_of(source)
+    used = np.concatenate([body.vertices[np.unique(body.faces)] for body in whole])
+    centre = 0.5 * (used.min(axis=0) + used.max(axis=0))
+    bodies = [body for body in map(_cut_out, whole) if len(body.faces)]
+    if not bodies:
+        msg = f"the mesh file {source.path} shows nothing: its materials are transparent everywhere"
+        raise CatalogueError(msg)
     corners = np.concatenate(
-        [source.metres_per_unit * body.vertices[body.faces] @ turn.T for body in bodies]
+        [source.metres_per_unit * (body.vertices - centre)[body.faces] @ turn.T for body in bodies]
     )
-    flat = corners.reshape(-1, 3)
-    corners = corners - 0.5 * (flat.min(axis=0) + flat.max(axis=0))
     colours = np.concatenate([_corner_colours(body, colour) for body in bodies])
     own = [_normals(body) for body in bodies]
     normals = None
@@ -99,6 +130,43 @@ def _of_file(source: MeshFile, colour: tuple[float, float, float, float]) -> Dra
         normals = normals @ turn.T
     uvs, texture = _atlas(bodies)
     return DrawnMesh(corners, colours, normals, uvs, texture, False)
+
+
+def _cut_out(body: "trimesh.Trimesh") -> "trimesh.Trimesh":
+    """Return a body without what its material cuts out (alphaMode MASK of glTF).
+
+    Its triangles are divided until they are as small as two pixels of the picture, or too many.
+    """
+    material = getattr(body.visual, "material", None)
+    if getattr(material, "alphaMode", None) != "MASK" or material is None:
+        return body
+    import trimesh
+
+    factor = 1.0 if material.baseColorFactor is None else material.baseColorFactor[3] / 255.0
+    cutoff = 0.5 if material.alphaCutoff is None else material.alphaCutoff
+    picture = material.baseColorTexture
+    if picture is None or body.visual.uv is None:
+        return body if factor >= cutoff else trimesh.Trimesh()
+    alpha = factor * np.asarray(picture.convert("RGBA"), dtype=np.float64)[:, :, 3] / 255.0
+    if (alpha >= cutoff).all():
+        return body
+    height, width = alpha.shape
+    vertices, faces, uvs = body.vertices, body.faces, np.asarray(body.visual.uv)[:, :2]
+    while 4 * len(faces) <= _MOST_CUT and _longest_px(uvs[faces] * (width, height)) > 2.0:
+        vertices, faces, found = trimesh.remesh.subdivide(
+            vertices, faces, vertex_attributes={"uv": uvs}
+        )
+        uvs = found["uv"]
+    u, v = uvs[faces].mean(axis=1).T % 1.0
+    kept = alpha[((1.0 - v) * height).astype(int) % height, (u * width).astype(int)] >= cutoff
+    visual = trimesh.visual.TextureVisuals(uv=uvs, material=material)
+    return trimesh.Trimesh(vertices, faces[kept], visual=visual, process=False)
+
+
+def _longest_px(corners_px: Floats) -> float:
+    """Return the longest side of triangles (F, 3, 2)."""
+    sides = corners_px - np.roll(corners_px, 1, axis=1)
+    return float(np.linalg.norm(sides, axis=2).max())
 
 
 def _normals(body: "trimesh.Trimesh") -> Floats | None:
