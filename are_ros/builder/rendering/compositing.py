@@ -21,7 +21,8 @@ _NOISE_DEVIATION: Final = np.float32((8 * (256**2 - 1) / 12) ** 0.5)
 def compose(
     layer: Floats,
     shadow: Floats,
-    spans: Integers,
+    layer_spans: Integers,
+    shadow_spans: Integers,
     taps: Floats,
     gain: Floats,
     noise: np.float32,
@@ -33,37 +34,50 @@ def compose(
 ) -> None:
     """Lay a layer (H, 4 W) over pixels (H, W, 3), whose light the shadow (H, W) lowers before.
 
-    Both are blurred with the `taps` (2 R + 1,); `spans` (H, 2) are the columns of each row where
-    they are not 0 and 1. `gain` (3,) is the strength of the light, `noise` the deviation of what
+    Both are blurred with the `taps` (2 R + 1,); their spans (H, 2) are the columns of each row
+    where they are not 0 and 1. `gain` (3,) is the strength of the light, `noise` the deviation of what
     the sensor adds, in steps of 8 bits, from a `seed`. `linear` (256,) and `srgb` (4096,) convert.
     `rows` (3, 4 W + 8 R) is room. Other pixels keep their bits.
     """
     height, width, radius = shadow.shape[0], shadow.shape[1], taps.size // 2
     room, over, kept = rows[0], rows[1], rows[2]
     for row in range(height):
-        first, end = width, 0
-        for near in range(max(row - radius, 0), min(row + radius + 1, height)):
-            if spans[near, 0] < spans[near, 1]:
-                first, end = min(first, spans[near, 0]), max(end, spans[near, 1])
-        if first >= end:
-            continue
-        first, end = max(first - radius, 0), min(end + radius, width)
-        _blur(layer, row, first, end, taps, 4, room, over)
+        left, right = _widest(layer_spans, row, radius, width)
+        first, end = _widest(shadow_spans, row, radius, width)
+        _blur(layer, row, left, right, taps, 4, room, over)
         _blur(shadow, row, first, end, taps, 1, room, kept)
-        for column in range(end - first):
-            alpha = min(over[4 * column + 3], _ONE)
-            light = kept[column]
-            if alpha <= np.float32(0.002) and light >= np.float32(0.999):
+        for column in range(min(left, first), max(right, end)):
+            pixel = pixels[row, column]
+            light = kept[column - first] if first <= column < end else _ONE
+            place = 4 * (column - left)
+            alpha = min(over[place + 3], _ONE) if left <= column < right else _ZERO
+            if alpha <= np.float32(0.002):
+                if light < np.float32(0.999):
+                    for channel in range(3):
+                        pixel[channel] = _encoded(linear[pixel[channel]] * light, srgb)
                 continue
-            grain = noise * alpha * standard_noise(seed, row * width + first + column)
-            pixel = pixels[row, first + column]
+            grain = noise * alpha * standard_noise(seed, row * width + column)
             for channel in range(3):
-                mixed = over[4 * column + channel] * gain[channel]
+                mixed = over[place + channel] * gain[channel]
                 if alpha < np.float32(0.999):
                     mixed += (_ONE - alpha) * linear[pixel[channel]] * light
-                place = min(max(int(mixed * np.float32(4095.0)), 0), 4095)
-                number = np.float32(srgb[place]) + grain + np.float32(0.5)
+                number = np.float32(_encoded(mixed, srgb)) + grain + np.float32(0.5)
                 pixel[channel] = np.uint8(min(max(number, _ZERO), np.float32(255.0)))
+
+
+@borrowing
+def _widest(spans: Integers, row: int, radius: int, width: int) -> tuple[int, int]:
+    """Return the columns that a blur brings something to, the second less if there are none."""
+    first, end = width, 0
+    for near in range(max(row - radius, 0), min(row + radius + 1, spans.shape[0])):
+        first, end = min(first, spans[near, 0]), max(end, spans[near, 1])
+    return (max(first - radius, 0), min(end + radius, width)) if first < end else (width, 0)
+
+
+@borrowing
+def _encoded(intensity: np.float32, srgb: npt.NDArray[np.uint8]) -> np.uint8:
+    value: np.uint8 = srgb[min(max(int(intensity * np.float32(4095.0)), 0), 4095)]
+    return value
 
 
 @borrowing
@@ -96,6 +110,8 @@ def _blur(
 
     Beyond the image's edge it goes on with its outermost pixels.
     """
+    if first >= end:
+        return
     radius, height, width = taps.size // 2, image.shape[0], image.shape[1] // channels
     low, high = max(first - radius, 0), min(end + radius, width)
     before = (low - first + radius) * channels
@@ -122,15 +138,13 @@ def _blur(
 
 
 @borrowing
-def clear(layer: Floats, shadow: Floats, spans: Integers) -> None:
-    """Set the layer to 0, the shadow to 1, and the spans to nothing, where they are not."""
-    width = shadow.shape[1]
+def clear(image: Floats, spans: Integers, channels: int, value: np.float32) -> None:
+    """Set an image (H, W times channels) to a value where the spans (H, 2) say, and clear these."""
+    width = np.int32(image.shape[1] // channels)
     for row in range(spans.shape[0]):
         first, end = spans[row, 0], spans[row, 1]
         if first < end:
-            colours, light = layer[row, 4 * first : 4 * end], shadow[row, first:end]
-            for j in range(colours.size):
-                colours[j] = _ZERO
-            for j in range(light.size):
-                light[j] = _ONE
+            part = image[row, first * channels : end * channels]
+            for j in range(part.size):
+                part[j] = value
         spans[row, 0], spans[row, 1] = width, 0

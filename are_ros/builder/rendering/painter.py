@@ -14,11 +14,10 @@ from are_ros.builder.rendering.rasterizing import (
     WIDE,
     Corners,
     Faces,
-    cast_samples,
     choose_faces,
     draw,
-    in_blocks,
     limit_nearness,
+    make_blocks,
     merge,
     place_points,
 )
@@ -96,16 +95,11 @@ class Painter:
     def __init__(self, view: PinholeView | FisheyeView) -> None:
         self.view = view
         height, width = view.height, view.width
-        blocks = in_blocks(np.empty((height, width)))
-        self._nearness = np.zeros(blocks, dtype=np.float32)
-        self._met = np.zeros(blocks, dtype=np.int32)
-        self._front = np.zeros(blocks, dtype=np.float32)
-        self._front_face = np.full(blocks, -1, dtype=np.int32)
-        self._least = np.zeros((height, blocks[1] * WIDE), dtype=np.float32)
         self._layer = np.zeros((height, 4 * width), dtype=np.float32)
         self._shadow_left = np.ones((height, width), dtype=np.float32)
-        self._spans = np.tile(np.array((width, 0), dtype=np.int32), (height, 1))
-        self._faces = _faces(0)
+        self._layer_spans = np.tile(np.array((width, 0), dtype=np.int32), (height, 1))
+        self._shadow_spans = self._layer_spans.copy()
+        self._faces = Faces.room(0)
         self._textures = _TextureSet()
 
     @cached_property
@@ -119,16 +113,21 @@ class Painter:
         return np.ascontiguousarray(self.rays.transpose(2, 0, 1))
 
     @cached_property
-    def sample_rays(self) -> Floats:
-        """The unit rays of the samples, float32 (H, B, 3, LANES), in the blocks of the kernels."""
-        rows, blocks, lanes = self._front.shape
-        samples = np.zeros((rows, blocks, 3, lanes), dtype=np.float32)
-        cast_samples(self.rays, samples)
-        return samples
+    def blocks(self) -> Floats:
+        """The samples, in blocks; see `rasterizing`. Between images there is no body in them."""
+        return make_blocks(self.rays)
+
+    @cached_property
+    def _touched(self) -> npt.NDArray[np.uint8]:
+        return np.zeros(self.blocks.shape[:2], dtype=np.uint8)
+
+    @cached_property
+    def _least(self) -> Floats:
+        return np.zeros((self.view.height, WIDE * self.blocks.shape[1]), dtype=np.float32)
 
     def prepare(self) -> None:
         """Compute the rays now, not when the first image comes."""
-        _ = self._flat_rays, self.sample_rays, self._planes
+        _ = self._flat_rays, self.blocks, self._planes
 
     def paint(
         self,
@@ -148,17 +147,16 @@ class Painter:
         seen = np.zeros(len(bodies), dtype=np.int64)
         shade(
             self._flat_rays,
-            self.sample_rays,
             self._window,
             self._faces,
             self._textures.packed,
             _LINEAR,
-            self._front,
-            self._front_face,
+            self.blocks,
+            self._touched,
             mask,
             seen,
             self._layer,
-            self._spans,
+            self._layer_spans,
         )
         fractions = np.where(met > 0, seen / np.maximum(met, 1), np.nan)
         painted = None
@@ -167,7 +165,8 @@ class Painter:
                 casting = [body for body, count in zip(bodies, seen, strict=True) if count]
                 self._cast_shadows(casting, map_from_camera, real_m, lighting.shadow)
             painted = self._composed(pixels, lighting, random)
-        clear(self._layer, self._shadow_left, self._spans)
+        clear(self._layer, self._layer_spans, 4, np.float32(0.0))
+        clear(self._shadow_left, self._shadow_spans, 1, np.float32(1.0))
         return Painting(painted, mask, fractions)
 
     def _draw(
@@ -183,8 +182,8 @@ class Painter:
         surfaces = [bodies[k].surface for k in near]
         self._textures.hold([surface.texture for surface in surfaces])
         most = sum(len(surface.indices) for surface in surfaces)
-        if most > len(self._faces.owners):
-            self._faces = _faces(most)
+        if most >= len(self._faces.owners):
+            self._faces = Faces.room(most)
         self._window = np.array((self.view.width, self.view.height, 0, 0), dtype=np.int32)
         camera_from_map = map_from_camera.inverse()
         poses = [(camera_from_map @ bodies[k].map_from_box).matrix() for k in near]
@@ -225,7 +224,7 @@ class Painter:
                 window,
             )
             if last > first:
-                draw(self.sample_rays, self._faces, first, last, self._nearness, self._met)
+                draw(self.blocks, self._faces, first, last)
                 heights_m = (map_from_camera.translation_m[2], bodies[k].ground_m)
                 limit_nearness(
                     self._flat_rays,
@@ -235,9 +234,7 @@ class Painter:
                     np.array(heights_m, dtype=np.float32),
                     self._least,
                 )
-                met[k] = merge(
-                    window, self._nearness, self._met, self._least, self._front, self._front_face
-                )
+                met[k] = merge(window, self._least, self.blocks, self._touched)
                 self._window[:2] = np.minimum(self._window[:2], window[:2])
                 self._window[2:] = np.maximum(self._window[2:], window[2:])
             first = last
@@ -328,7 +325,7 @@ class Painter:
                 real_m,
                 np.float32(strength),
                 self._shadow_left,
-                self._spans,
+                self._shadow_spans,
             )
 
     def _composed(
@@ -345,7 +342,8 @@ class Painter:
         compose(
             self._layer,
             self._shadow_left,
-            self._spans,
+            self._layer_spans,
+            self._shadow_spans,
             taps,
             gain.astype(np.float32),
             np.float32(lighting.noise),
@@ -381,17 +379,6 @@ class _TextureSet:
         self.packed = Textures(
             np.concatenate(texels), np.array(places, dtype=np.int64).reshape(-1, 3)
         )
-
-
-def _faces(most: int) -> Faces:
-    """Return room for so many faces."""
-    return Faces(
-        np.empty((most, 12), dtype=np.float32),
-        np.empty((most, 9), dtype=np.float32),
-        np.empty((most + 1, 4), dtype=np.int32),
-        np.empty(most, dtype=np.int32),
-        np.empty(most, dtype=np.int32),
-    )
 
 
 def _light(lighting: Lighting) -> npt.NDArray[np.float64]:

@@ -4,7 +4,10 @@ Each pixel has four samples, 2 x 2. A triangle is met exactly along the ray of a
 lens is served alike; its projection only bounds where to look.
 
 Samples lie in blocks: LANES of them, of four pixels side by side; sample s of pixel c is lane
-4 s + c. An inner loop over one block is as long as the vector units are wide.
+4 s + c. An inner loop over one block is as long as the vector units are wide. All that belongs to a
+block is in one array, side by side, so that the compiler knows that writes do not change what is
+read: `blocks` float32 (H, B, BLOCK) are the rays' x, y and z, then, of the body that is drawn, the
+reciprocal of the range [1/m] (0: none) and the face, then both of the nearest body (-1: no face).
 """
 
 from typing import Final, NamedTuple
@@ -22,33 +25,58 @@ SAMPLES: Final = 4
 WIDE: Final = 4
 """Pixels of a block."""
 LANES: Final = SAMPLES * WIDE
+_X: Final = 0
+_Y: Final = LANES
+_Z: Final = 2 * LANES
+_NEAR: Final = 3 * LANES
+_FACE: Final = 4 * LANES
+FRONT: Final = 5 * LANES
+FRONT_FACE: Final = 6 * LANES
+BLOCK: Final = 7 * LANES
+"""Where each kind of number begins in a block, and how many numbers there are."""
 TIE_M: Final = np.float32(0.02)
 """A real surface hides what is farther than this behind it: depth cameras are not exact."""
 FLOOR_M: Final = np.float32(0.06)
 """A real surface that is less than this above the artefact's ground is the ground: it hides
 nothing, however noisy it is."""
 _ROOM_PX: Final = 0.1
+_WIDE_BLOCKS: Final = 3
+"""In a triangle of fewer blocks a row, it does not pay to ask which of them it may meet."""
 _ZERO: Final = np.float32(0.0)
 _ONE: Final = np.float32(1.0)
+_INFINITE: Final = np.float32(np.inf)
 
 
 class Faces(NamedTuple):
     """Triangles that may be seen, as the kernels take them; room for N.
 
-    `edges` float32 (N, 12): three planes through the camera and a side, positive inside, and one
-    that gives the reciprocal of the range: a ray meets the triangle where its products with the
-    first three are not negative, and the product with the last is 1 / range. `looks` float32
-    (N, 9): three more, for red, green and blue, or for brightness and the place in the texture;
-    their products, by that with the last of the edges, are the values. `bounds` int32 (N, 4) are
-    the pixels where to look, left, top, right, bottom, the ends left out. `owners` int32 (N,) are
-    the bodies, and `textures` int32 (N,) the textures, -1 for none.
+    `planes` float32 (N, 21) are seven planes through the camera. The first three are those of the
+    sides: a ray meets the triangle where its products with them are not negative. The product with
+    the fourth is the reciprocal of the range. The products with the other three, by that with the
+    fourth, are red, green and blue, or brightness and the place in the texture.
+
+    `outlines` float32 (N, 7) are x, y of the corners in the image, and how far from the triangle
+    between them a sample may meet it [px]. `bounds` int32 (N, 4) are the pixels where to look:
+    left, top, right, bottom, the ends left out. `owners` int32 (N,) are the bodies, and `textures`
+    int32 (N,) the textures, -1 for none.
     """
 
-    edges: Floats
-    looks: Floats
+    planes: Floats
+    outlines: Floats
     bounds: Integers
     owners: Integers
     textures: Integers
+
+    @classmethod
+    def room(cls, most: int) -> "Faces":
+        """Return room for so many faces; one more, as one is written before it is kept."""
+        return cls(
+            np.empty((most + 1, 21), dtype=np.float32),
+            np.empty((most + 1, 7), dtype=np.float32),
+            np.empty((most + 1, 4), dtype=np.int32),
+            np.empty(most + 1, dtype=np.int32),
+            np.empty(most + 1, dtype=np.int32),
+        )
 
 
 class Corners(NamedTuple):
@@ -61,14 +89,17 @@ class Corners(NamedTuple):
     uvs: Floats
 
 
-def in_blocks(image: npt.NDArray[np.generic]) -> tuple[int, int, int]:
-    """Return the shape of the samples of an image (H, W), in blocks."""
-    return image.shape[0], -(-image.shape[1] // WIDE), LANES
+def make_blocks(rays: Floats) -> Floats:
+    """Return the blocks of an image whose pixels have the unit rays (H, W, 3), with no body."""
+    blocks = np.zeros((rays.shape[0], -(-rays.shape[1] // WIDE), BLOCK), dtype=np.float32)
+    blocks[:, :, FRONT_FACE:] = -1.0
+    cast_samples(rays, blocks)
+    return blocks
 
 
 @borrowing
-def cast_samples(rays: Floats, samples: Floats) -> None:
-    """Fill the unit rays of samples (H, B, 3, LANES) from those of pixels (H, W, 3).
+def cast_samples(rays: Floats, blocks: Floats) -> None:
+    """Fill the unit rays of samples from those of pixels (H, W, 3).
 
     They lie between those of the pixels around. Beyond the edge of a lens's image there is no ray:
     the pixel's own serves. A pixel without a ray has none in its samples.
@@ -83,9 +114,9 @@ def cast_samples(rays: Floats, samples: Floats) -> None:
                 x, y, z = _between_columns(rays, row, column, down, right)
                 scale = 1.0 / np.sqrt(x * x + y * y + z * z)
                 lane = sample * WIDE + column % WIDE
-                samples[row, column // WIDE, 0, lane] = np.float32(scale * x)
-                samples[row, column // WIDE, 1, lane] = np.float32(scale * y)
-                samples[row, column // WIDE, 2, lane] = np.float32(scale * z)
+                blocks[row, column // WIDE, _X + lane] = np.float32(scale * x)
+                blocks[row, column // WIDE, _Y + lane] = np.float32(scale * y)
+                blocks[row, column // WIDE, _Z + lane] = np.float32(scale * z)
 
 
 @borrowing
@@ -155,7 +186,7 @@ def choose_faces(
     pixels: npt.NDArray[np.float64],
     bulges: npt.NDArray[np.float64],
     size: tuple[int, int],
-    planes: npt.NDArray[np.float64],
+    frustum: npt.NDArray[np.float64],
     is_closed: bool,
     camera_m: npt.NDArray[np.float64],
     light: npt.NDArray[np.float64],
@@ -172,8 +203,8 @@ def choose_faces(
 
     Points (V, 3) are in the camera's frame, and pixels (V, 2) where they are in the image of a
     `size`, NaN where that is not known. The sides of triangle f bulge by bulges[f] pixels in the
-    image, or none (0,) do. No ray of the image goes where a plane (P, 3) through the camera is
-    negative. Of a closed surface the far side is left out. `camera_m` (3,) and the directions of
+    image, or none (0,) do. No ray of the image goes where a plane of the
+    `frustum` (P, 3), through the camera, is negative. Of a closed surface the far side is left out. `camera_m` (3,) and the directions of
     the `light` (3, 3) are in the box's frame.
     """
     window[0], window[1], window[2], window[3] = size[0], size[1], 0, 0
@@ -191,13 +222,15 @@ def choose_faces(
         volume = ax * px + ay * py + az * pz
         if volume == 0.0 or (is_closed and volume > 0.0):
             continue
-        bounds = faces.bounds[face]
+        bounds, outline = faces.bounds[face], faces.outlines[face]
         bulge = bulges[triangle] if bulges.size else 0.0
         if not np.isfinite(pixels[a, 0] + pixels[b, 0] + pixels[c, 0] + bulge):
-            if _is_outside(points, a, b, c, planes):
+            if _is_outside(points, a, b, c, frustum):
                 continue
             bounds[0], bounds[1], bounds[2], bounds[3] = 0, 0, size[0], size[1]
-        elif not _bound(pixels, a, b, c, bulge + _ROOM_PX, size, bounds):
+            for number in range(7):
+                outline[number] = _INFINITE if number == 6 else _ZERO
+        elif not _bound(pixels, a, b, c, bulge + _ROOM_PX, size, bounds, outline):
             continue
         # The sides' planes of two triangles with a side in common are the same but for the sign,
         # to the last bit: so no ray goes between them.
@@ -214,18 +247,17 @@ def choose_faces(
             sign * (ax * by - ay * bx),
         )
         scale = 1.0 / (sign * volume)
-        edges = faces.edges[face]
-        edges[0], edges[1], edges[2] = px, py, pz
-        edges[3], edges[4], edges[5] = qx, qy, qz
-        edges[6], edges[7], edges[8] = rx, ry, rz
-        edges[9] = scale * (px + qx + rx)
-        edges[10] = scale * (py + qy + ry)
-        edges[11] = scale * (pz + qz + rz)
+        found = faces.planes[face]
+        found[0], found[1], found[2] = px, py, pz
+        found[3], found[4], found[5] = qx, qy, qz
+        found[6], found[7], found[8] = rx, ry, rz
+        found[9] = scale * (px + qx + rx)
+        found[10] = scale * (py + qy + ry)
+        found[11] = scale * (pz + qz + rz)
         is_plain = np.isnan(corners.uvs[triangle, 0, 0])
         faces.owners[face] = body
         faces.textures[face] = -1 if is_plain else texture
         bright = _brightness(corners, triangle, camera_m, light)
-        looks = faces.looks[face]
         for channel in range(3):
             if is_plain:
                 one = bright[0] * corners.colours[triangle, 0, channel]
@@ -238,9 +270,9 @@ def choose_faces(
                 two = np.float64(corners.uvs[triangle, 1, channel - 1])
                 three = np.float64(corners.uvs[triangle, 2, channel - 1])
             one, two, three = scale * one, scale * two, scale * three
-            looks[3 * channel] = one * px + two * qx + three * rx
-            looks[3 * channel + 1] = one * py + two * qy + three * ry
-            looks[3 * channel + 2] = one * pz + two * qz + three * rz
+            found[12 + 3 * channel] = one * px + two * qx + three * rx
+            found[13 + 3 * channel] = one * py + two * qy + three * ry
+            found[14 + 3 * channel] = one * pz + two * qz + three * rz
         window[0], window[1] = min(window[0], bounds[0]), min(window[1], bounds[1])
         window[2], window[3] = max(window[2], bounds[2]), max(window[3], bounds[3])
         face += 1
@@ -256,10 +288,13 @@ def _bound(
     room_px: float,
     size: tuple[int, int],
     bounds: Integers,
+    outline: Floats,
 ) -> bool:
     """Write the pixels whose samples a triangle may meet; tell whether there are any."""
+    outline[6] = room_px
     for axis in range(2):
         p, q, r = pixels[a, axis], pixels[b, axis], pixels[c, axis]
+        outline[axis], outline[2 + axis], outline[4 + axis] = p, q, r
         # sample j of a row is at (j - 0.5) / 2 pixels
         low = max(min(p, q, r) - room_px, -0.25)
         high = min(max(p, q, r) + room_px, size[axis] - 0.75)
@@ -320,39 +355,72 @@ def _of_corner(normal: Floats, turn: float, light: npt.NDArray[np.float64]) -> f
 
 
 @borrowing
-def draw(
-    samples: Floats, faces: Faces, first: int, end: int, nearness: Floats, met: Integers
-) -> None:
-    """Note at each sample the nearest of the faces from `first` to `end`, the end left out.
-
-    `samples` (H, B, 3, LANES) are rays; `nearness` (H, B, LANES), the reciprocal of the range
-    [1/m], is raised, and `met` is the face.
-    """
+def draw(blocks: Floats, faces: Faces, first: int, end: int) -> None:
+    """Note at each sample the nearest of the faces from `first` to `end`, the end left out."""
     for number in range(first, end):
-        face = np.int32(number)
-        edges, bounds = faces.edges[face], faces.bounds[face]
-        px, py, pz = edges[0], edges[1], edges[2]
-        qx, qy, qz = edges[3], edges[4], edges[5]
-        rx, ry, rz = edges[6], edges[7], edges[8]
-        nx, ny, nz = edges[9], edges[10], edges[11]
-        for row in range(np.uint32(bounds[1]), np.uint32(bounds[3])):
-            for block in range(
-                np.uint32(bounds[0] // WIDE), np.uint32((bounds[2] + WIDE - 1) // WIDE)
-            ):
-                xs, ys, zs = samples[row, block, 0], samples[row, block, 1], samples[row, block, 2]
-                near, who = nearness[row, block], met[row, block]
-                # Of a fixed length and without branches: so the compiler uses the vector units.
-                for lane in range(LANES):
-                    x, y, z = xs[lane], ys[lane], zs[lane]
-                    is_inside = (
-                        (x * px + y * py + z * pz >= _ZERO)
-                        & (x * qx + y * qy + z * qz >= _ZERO)
-                        & (x * rx + y * ry + z * rz >= _ZERO)
-                    )
-                    here = x * nx + y * ny + z * nz
-                    is_nearer = is_inside & (here > near[lane])
-                    near[lane] = here if is_nearer else near[lane]
-                    who[lane] = face if is_nearer else who[lane]
+        face = np.uint32(number)
+        planes, bounds = faces.planes[face], faces.bounds[face]
+        left, right = bounds[0] // WIDE, (bounds[2] + WIDE - 1) // WIDE
+        if right - left < _WIDE_BLOCKS:
+            _draw_part(blocks, planes, number, left, right, bounds[1], bounds[3])
+            continue
+        for row in range(bounds[1], bounds[3]):
+            begin, stop = _span(faces.outlines[face], row, left, right)
+            _draw_part(blocks, planes, number, begin, stop, row, row + 1)
+
+
+@borrowing
+def _draw_part(
+    blocks: Floats, planes: Floats, number: int, left: int, right: int, top: int, bottom: int
+) -> None:
+    """Draw a face in the blocks from left to right, rows from top to bottom, ends left out."""
+    face = np.float32(number)
+    px, py, pz = planes[0], planes[1], planes[2]
+    qx, qy, qz = planes[3], planes[4], planes[5]
+    rx, ry, rz = planes[6], planes[7], planes[8]
+    nx, ny, nz = planes[9], planes[10], planes[11]
+    for row in range(np.uint32(top), np.uint32(bottom)):
+        for number_in_row in range(np.uint32(left), np.uint32(right)):
+            block = blocks[row, number_in_row]
+            # Of a fixed length and without branches: so the compiler uses the vector units.
+            for lane in range(LANES):
+                x, y, z = block[_X + lane], block[_Y + lane], block[_Z + lane]
+                is_inside = (
+                    (x * px + y * py + z * pz >= _ZERO)
+                    & (x * qx + y * qy + z * qz >= _ZERO)
+                    & (x * rx + y * ry + z * rz >= _ZERO)
+                )
+                here, near = x * nx + y * ny + z * nz, block[_NEAR + lane]
+                here = here if is_inside else _ZERO
+                block[_FACE + lane] = face if here > near else block[_FACE + lane]
+                block[_NEAR + lane] = here if here > near else near
+
+
+@borrowing
+def _span(outline: Floats, row: int, left: int, right: int) -> tuple[int, int]:
+    """Return which blocks of a row, of those from left to right, may meet a triangle."""
+    room = outline[6]
+    if not room < _INFINITE:
+        return left, right
+    top, bottom = row - np.float32(0.25) - room, row + np.float32(0.25) + room
+    low, high = _INFINITE, -_INFINITE
+    for corner in range(3):
+        other = corner + 1 if corner < 2 else 0
+        x, y = outline[2 * corner], outline[2 * corner + 1]
+        to_x, to_y = outline[2 * other], outline[2 * other + 1]
+        if y > to_y:
+            x, y, to_x, to_y = to_x, to_y, x, y
+        if to_y < top or y > bottom:
+            continue
+        slope = (to_x - x) / max(to_y - y, np.float32(1e-6))
+        first = x + slope * (top - y) if y < top else x
+        last = to_x - slope * (to_y - bottom) if to_y > bottom else to_x
+        low, high = min(low, first, last), max(high, first, last)
+    if low > high:
+        return left, left
+    reach = room + np.float32(0.35)
+    begin = max(int((low - reach) // np.float32(WIDE)), left)
+    return begin, max(min(int((high + reach) // np.float32(WIDE)) + 1, right), left)
 
 
 @borrowing
@@ -383,37 +451,32 @@ def limit_nearness(
 
 
 @borrowing
-def merge(
-    window: Integers,
-    nearness: Floats,
-    met: Integers,
-    least: Floats,
-    front: Floats,
-    front_face: Integers,
-) -> int:
+def merge(window: Integers, least: Floats, blocks: Floats, touched: npt.NDArray[np.uint8]) -> int:
     """Put a body into the image where it is in front, and clear its samples; return their number.
 
     `window` (4,) is the rectangle of pixels in which it was drawn; `least` as in `limit_nearness`.
+    Blocks (H, B) that may have changed are `touched`.
     """
     count = 0
     first, end = window[0] // WIDE, (window[2] + WIDE - 1) // WIDE
     for row in range(np.uint32(window[1]), np.uint32(window[3])):
-        for block in range(np.uint32(first), np.uint32(end)):
-            near, bits = nearness[row, block], nearness[row, block].view(np.int32)
-            some = np.int32(0)
+        for number in range(np.uint32(first), np.uint32(end)):
+            block, some = blocks[row, number], np.int32(0)
             for lane in range(LANES):
-                some += np.int32(bits[lane] != 0)
+                some += np.int32(block[_NEAR + lane] > _ZERO)
             if some == 0:
                 continue
             count += some
-            who, limits = met[row, block], least[row, WIDE * block : WIDE * block + WIDE]
-            best, face = front[row, block], front_face[row, block]
-            for sample in range(SAMPLES):
-                for column in range(WIDE):
+            touched[row, number] = 1
+            for column in range(WIDE):
+                limit = least[row, WIDE * number + column]
+                for sample in range(SAMPLES):
                     lane = WIDE * sample + column
-                    here = near[lane]
-                    shows = (here >= limits[column]) & (here > best[lane])
-                    best[lane] = here if shows else best[lane]
-                    face[lane] = who[lane] if shows else face[lane]
-                    near[lane] = _ZERO
+                    here, best = block[_NEAR + lane], block[FRONT + lane]
+                    shows = (here >= limit) & (here > best)
+                    block[FRONT + lane] = here if shows else best
+                    block[FRONT_FACE + lane] = (
+                        block[_FACE + lane] if shows else block[FRONT_FACE + lane]
+                    )
+                    block[_NEAR + lane] = _ZERO
     return count

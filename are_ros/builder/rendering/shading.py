@@ -6,7 +6,15 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import borrowing
-from are_ros.builder.rendering.rasterizing import FLOOR_M, LANES, SAMPLES, WIDE, Faces
+from are_ros.builder.rendering.rasterizing import (
+    FLOOR_M,
+    FRONT,
+    FRONT_FACE,
+    LANES,
+    SAMPLES,
+    WIDE,
+    Faces,
+)
 
 Floats = npt.NDArray[np.float32]
 Integers = npt.NDArray[np.int32]
@@ -32,13 +40,12 @@ class Textures(NamedTuple):
 @borrowing
 def shade(
     rays: Floats,
-    samples: Floats,
     window: Integers,
     faces: Faces,
     textures: Textures,
     linear: Floats,
-    front: Floats,
-    front_face: Integers,
+    blocks: Floats,
+    touched: npt.NDArray[np.uint8],
     mask: Integers,
     seen: npt.NDArray[np.int64],
     layer: Floats,
@@ -47,132 +54,148 @@ def shade(
     """Put the light of the faces in front into the layer (H, 4 W), and clear these.
 
     The layer has linear red, green, blue, and the covered share, for each pixel of the `window`.
-    `mask` (H, W) becomes the body that has at least two of a pixel's samples (of two with two each
+    `touched` (H, B) are the blocks with such faces. `mask` (H, W) becomes the body that has at least two of a pixel's samples (of two with two each
     the one with the higher number), `seen` the number of each body's samples, and `spans` (H, 2)
-    the columns of each row that the layer covers. `rays` (3, H, W) and `samples` are those of
-    pixels and samples. `linear` (256,) are the intensities of sRGB values. A face is shaded once a
-    pixel: along the pixel's own ray where all samples meet it, else along that of a sample.
+    the columns of each row that the layer covers. `rays` (3, H, W) are those of pixels. `linear` (256,) are the intensities of sRGB values. A face is shaded once a
+    pixel: along the pixel's own ray where all samples meet it, else along that of a sample. Where
+    all samples see one body, but several faces of it, two samples do.
     """
     first, end = window[0] // WIDE, (window[2] + WIDE - 1) // WIDE
     for row in range(np.uint32(window[1]), np.uint32(window[3])):
-        for block in range(np.uint32(first), np.uint32(end)):
-            ids, some = front_face[row, block], np.int32(0)
-            for lane in range(LANES):
-                some += np.int32(ids[lane] >= 0)
-            if some == 0:
+        for number in range(np.uint32(first), np.uint32(end)):
+            if touched[row, number] == 0:
                 continue
+            touched[row, number] = 0
+            block = blocks[row, number]
             for place in range(WIDE):
-                column = WIDE * block + place
-                face = ids[place]
-                if (
-                    face == ids[WIDE + place]
-                    and face == ids[2 * WIDE + place]
-                    and face == ids[3 * WIDE + place]
-                ):
-                    if face < 0:
-                        continue
+                one = np.int32(block[FRONT_FACE + place])
+                two = np.int32(block[FRONT_FACE + WIDE + place])
+                three = np.int32(block[FRONT_FACE + 2 * WIDE + place])
+                four = np.int32(block[FRONT_FACE + 3 * WIDE + place])
+                if max(one, two, three, four) < 0:
+                    continue
+                column = WIDE * number + place
+                red, green, blue, covered = _ZERO, _ZERO, _ZERO, _ZERO
+                if one == two and one == three and one == four:
+                    which = np.uint32(one)
                     x, y, z = rays[0, row, column], rays[1, row, column], rays[2, row, column]
-                    red, green, blue = _look(x, y, z, face, faces, textures, linear)
+                    red, green, blue = _look(x, y, z, faces.planes, which)
+                    if faces.textures[which] >= 0:
+                        part = textures.places[faces.textures[which]]
+                        red, green, blue = _texel(red, green, blue, part, textures.texels, linear)
                     covered = _ONE
-                    owner = faces.owners[face]
-                    mask[row, column] = owner
+                    owner = faces.owners[which]
                     seen[owner] += SAMPLES
+                    mask[row, column] = owner
                 else:
-                    red, green, blue, covered = _mixed(
-                        samples[row, block], ids, place, faces, textures, linear, seen
-                    )
-                    mask[row, column] = _majority(ids, place, faces)
+                    best, is_one = _count(one, two, three, four, faces.owners, seen)
+                    mask[row, column] = best
+                    if is_one:  # inside a body half the samples do
+                        two = three = np.int32(-1)
+                    for sample in range(SAMPLES):
+                        face = (
+                            one
+                            if sample == 0
+                            else two
+                            if sample == 1
+                            else three
+                            if sample == 2
+                            else four
+                        )
+                        is_known = (
+                            (sample > 0 and face == one)
+                            or (sample > 1 and face == two)
+                            or (sample > 2 and face == three)
+                        )
+                        if face < 0 or is_known:
+                            continue
+                        which = np.uint32(face)
+                        count = (
+                            np.int32(one == face)
+                            + np.int32(two == face)
+                            + np.int32(three == face)
+                            + np.int32(four == face)
+                        )
+                        lane = WIDE * sample + place
+                        x, y, z = block[lane], block[LANES + lane], block[2 * LANES + lane]
+                        r, g, b = _look(x, y, z, faces.planes, which)
+                        if faces.textures[which] >= 0:
+                            part = textures.places[faces.textures[which]]
+                            r, g, b = _texel(r, g, b, part, textures.texels, linear)
+                        share = _PART * np.float32(2 * count if is_one else count)
+                        red += share * r
+                        green += share * g
+                        blue += share * b
+                        covered += share
                 layer[row, 4 * column] = red
                 layer[row, 4 * column + 1] = green
                 layer[row, 4 * column + 2] = blue
                 layer[row, 4 * column + 3] = covered
                 spans[row, 0] = min(spans[row, 0], column)
                 spans[row, 1] = max(spans[row, 1], column + 1)
-            near = front[row, block]
             for lane in range(LANES):
-                ids[lane] = -1
-                near[lane] = _ZERO
+                block[FRONT + lane] = _ZERO
+                block[FRONT_FACE + lane] = -_ONE
 
 
 @borrowing
-def _mixed(
-    samples: Floats,
-    ids: Integers,
-    place: int,
-    faces: Faces,
-    textures: Textures,
-    linear: Floats,
-    seen: npt.NDArray[np.int64],
-) -> tuple[np.float32, np.float32, np.float32, np.float32]:
-    """Return the light and the covered share of a pixel that sees several faces, or gaps."""
-    red, green, blue, covered = _ZERO, _ZERO, _ZERO, _ZERO
-    for sample in range(SAMPLES):
-        lane = WIDE * sample + place
-        face = ids[lane]
-        if face < 0:
-            continue
-        seen[faces.owners[face]] += 1
-        is_new, count = True, 0
-        for other in range(SAMPLES):
-            same = ids[WIDE * other + place] == face
-            count += same
-            is_new = is_new and not (same and other < sample)
-        if is_new:
-            x, y, z = samples[0, lane], samples[1, lane], samples[2, lane]
-            r, g, b = _look(x, y, z, face, faces, textures, linear)
-            part = _PART * np.float32(count)
-            red, green, blue, covered = (
-                red + part * r,
-                green + part * g,
-                blue + part * b,
-                covered + part,
-            )
-    return red, green, blue, covered
+def _count(
+    one: int, two: int, three: int, four: int, owners: Integers, seen: npt.NDArray[np.int64]
+) -> tuple[int, bool]:
+    """Count the samples of a pixel that see faces, -1 for none.
 
-
-@borrowing
-def _majority(ids: Integers, place: int, faces: Faces) -> int:
-    """Return the body with at least two samples of a pixel, the higher of two; -1 if none has."""
+    Return the body with at least two, the higher of two, -1 if none has; and whether all are of it.
+    """
+    first = owners[np.uint32(one)] if one >= 0 else -1
+    second = owners[np.uint32(two)] if two >= 0 else -1
+    third = owners[np.uint32(three)] if three >= 0 else -1
+    last = owners[np.uint32(four)] if four >= 0 else -1
+    for owner in (first, second, third, last):
+        if owner >= 0:
+            seen[np.uint32(owner)] += 1
     best = -1
-    for sample in range(SAMPLES - 1):
-        face = ids[WIDE * sample + place]
-        if face >= 0:
-            owner = faces.owners[face]
-            for other in range(sample + 1, SAMPLES):
-                its = ids[WIDE * other + place]
-                if its >= 0 and faces.owners[its] == owner:
-                    best = max(best, owner)
-    return best
+    if first in (second, third, last):
+        best = first
+    if second in (third, last):
+        best = max(best, second)
+    if third == last:
+        best = max(best, third)
+    return best, first == second and first == third and first == last
 
 
 @borrowing
 def _look(
-    x: np.float32,
-    y: np.float32,
-    z: np.float32,
-    face: int,
-    faces: Faces,
-    textures: Textures,
+    x: np.float32, y: np.float32, z: np.float32, planes: Floats, face: int
+) -> tuple[np.float32, np.float32, np.float32]:
+    """Return red, green and blue along a ray to a face; or brightness and place in the texture."""
+    own = planes[face]
+    range_m = _ONE / (x * own[9] + y * own[10] + z * own[11])
+    return (
+        (x * own[12] + y * own[13] + z * own[14]) * range_m,
+        (x * own[15] + y * own[16] + z * own[17]) * range_m,
+        (x * own[18] + y * own[19] + z * own[20]) * range_m,
+    )
+
+
+@borrowing
+def _texel(
+    bright: np.float32,
+    across: np.float32,
+    along: np.float32,
+    place: npt.NDArray[np.int64],
+    texels: npt.NDArray[np.uint8],
     linear: Floats,
 ) -> tuple[np.float32, np.float32, np.float32]:
-    """Return the red, green and blue light that comes along a ray from a face."""
-    edges, looks = faces.edges[face], faces.looks[face]
-    range_m = _ONE / (x * edges[9] + y * edges[10] + z * edges[11])
-    first = max((x * looks[0] + y * looks[1] + z * looks[2]) * range_m, _ZERO)
-    second = (x * looks[3] + y * looks[4] + z * looks[5]) * range_m
-    third = (x * looks[6] + y * looks[7] + z * looks[8]) * range_m
-    texture = faces.textures[face]
-    if texture < 0:
-        return first, max(second, _ZERO), max(third, _ZERO)
-    height, width = textures.places[texture, 1], textures.places[texture, 2]
-    across, along = second - np.floor(second), third - np.floor(third)
-    tx = min(int(across * width), width - 1)
-    ty = min(int((_ONE - along) * height), height - 1)
-    texel = textures.places[texture, 0] + 3 * (ty * width + tx)
+    """Return the light that comes from a place in a texture, see `Textures`."""
+    height, width = place[1], place[2]
+    across, along = across - np.floor(across), along - np.floor(along)
+    column = min(int(across * width), width - 1)
+    row = min(int((_ONE - along) * height), height - 1)
+    first = place[0] + 3 * (row * width + column)
     return (
-        first * linear[textures.texels[texel]],
-        first * linear[textures.texels[texel + 1]],
-        first * linear[textures.texels[texel + 2]],
+        bright * linear[texels[first]],
+        bright * linear[texels[first + 1]],
+        bright * linear[texels[first + 2]],
     )
 
 

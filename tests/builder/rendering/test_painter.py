@@ -65,8 +65,8 @@ def paint(
 
 def sample_rays(painter: Painter) -> Floats:
     """Return the rays of the samples (2 H, 2 W, 3), out of their blocks."""
-    height, blocks, _, _ = painter.sample_rays.shape
-    parts = painter.sample_rays.reshape(height, blocks, 3, 2, 2, 4)  # ..., row, column, pixel
+    height, blocks, _ = painter.blocks.shape
+    parts = painter.blocks[:, :, :48].reshape(height, blocks, 3, 2, 2, 4)
     rays = parts.transpose(0, 3, 1, 5, 4, 2).reshape(2 * height, 8 * blocks, 3)
     return rays[:, : 2 * painter.view.width].astype(np.float64)
 
