@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.builder.rendering.compositing import clear, compose
+from are_ros.builder.rendering.compositing import clear, compose, mean_light
 from are_ros.builder.rendering.rasterizing import (
     WIDE,
     Corners,
@@ -39,6 +39,8 @@ _RING: Final = np.column_stack(
     [f(np.linspace(0.0, math.tau, 16, endpoint=False)) for f in (np.cos, np.sin)]
 )
 _DARKEST, _BRIGHTEST = 0.1, 1.6
+_SMALL_PX: Final = 8
+"""The sides of triangles that are not larger bulge little in the image of any lens."""
 _MARGIN: Final = 0.02
 """Of directions [rad]: more than a pixel's width, and than rounding."""
 
@@ -127,7 +129,7 @@ class Painter:
 
     def prepare(self) -> None:
         """Compute the rays now, not when the first image comes."""
-        _ = self._flat_rays, self.blocks, self._planes
+        _ = self._flat_rays, self.blocks, self._planes, self._small_bulge_px
 
     def paint(
         self,
@@ -249,12 +251,41 @@ class Painter:
         """Return how far the sides of triangles bulge in the image [px], (F,), or (0,) for none."""
         if self.view.is_straight:
             return np.empty(0)
-        corners, ends = points[indices], pixels[indices]
+        ends = pixels[indices]
+        bulges = np.full(len(indices), self._small_bulge_px)
+        with np.errstate(invalid="ignore"):
+            is_large = ~((ends.max(axis=1) - ends.min(axis=1)).max(axis=1) <= _SMALL_PX)
+        corners, ends = points[indices[is_large]], ends[is_large]
+        bulges[is_large] = self._measured_bulges(corners, ends)
+        return bulges
+
+    def _measured_bulges(
+        self, corners: npt.NDArray[np.float64], ends: npt.NDArray[np.float64]
+    ) -> npt.NDArray[np.float64]:
+        """Return twice how far the middles of sides are from the straight lines [px], (F,)."""
         middles = 0.5 * (corners + np.roll(corners, -1, axis=1))
         between = self.view.project(middles.reshape(-1, 3)).reshape(-1, 3, 2)
         straight = 0.5 * (ends + np.roll(ends, -1, axis=1))
         bulges: npt.NDArray[np.float64] = 2.0 * np.abs(between - straight).max(axis=(1, 2))
         return bulges
+
+    @cached_property
+    def _small_bulge_px(self) -> float:
+        """How far the sides of triangles no larger than `_SMALL_PX` bulge, anywhere in the image.
+
+        Half as much again as the most that is measured, at right triangles of that size everywhere.
+        """
+        rays = self.rays.astype(np.float64)
+        step = _SMALL_PX
+        if min(rays.shape[:2]) <= step:
+            return float(step)
+        corners = np.stack(
+            (rays[:-step, :-step], rays[step:, :-step], rays[:-step, step:]), axis=2
+        )[::4, ::4].reshape(-1, 3, 3)
+        corners = corners[corners.any(axis=2).all(axis=1)]
+        ends = self.view.project(corners.reshape(-1, 3)).reshape(-1, 3, 2)
+        measured = self._measured_bulges(corners, ends)
+        return 1.5 * float(np.nanmax(measured, initial=0.0))
 
     @cached_property
     def _cone(self) -> tuple[npt.NDArray[np.float64], float]:
@@ -334,7 +365,8 @@ class Painter:
         """Return the image with what is painted; what neither layer nor shadow touches is kept."""
         gain = np.full(3, lighting.brightness, dtype=np.float32)
         if lighting.is_estimated:
-            mean = _LINEAR[pixels[::4, ::4]].mean(axis=(0, 1))
+            mean = np.empty(3, dtype=np.float32)
+            mean_light(pixels, _LINEAR, mean)
             cast = np.sqrt(np.maximum(mean, 1e-4) / max(float(mean.mean()), 1e-4))
             gain *= np.clip(mean.mean() / _GREY, _DARKEST, _BRIGHTEST) * cast
         taps = _taps(lighting.blur_px)

@@ -393,7 +393,7 @@ def _draw_part(
                 here, near = x * nx + y * ny + z * nz, block[_NEAR + lane]
                 here = here if is_inside else _ZERO
                 block[_FACE + lane] = face if here > near else block[_FACE + lane]
-                block[_NEAR + lane] = here if here > near else near
+                block[_NEAR + lane] = max(near, here)
 
 
 @borrowing

@@ -241,11 +241,11 @@ def darken(
             py = dy + t * (x * nx + y * ny + z * nz)
             along, across = (cosine * px + sine * py) * per_x, (cosine * py - sine * px) * per_y
             away_m = (np.sqrt(along * along + across * across) - np.float32(0.75)) * narrow
-            away_m = away_m if away_m > _ZERO else _ZERO
+            away_m = max(_ZERO, away_m)
             near, wide = _fading(away_m / _NEAR_M), _fading(away_m / _WIDE_M)
             dark = strength * (np.float32(0.6) * near + np.float32(0.4) * wide)
             light = _ONE - (dark if is_floor else _ZERO)
-            kept[column] = light if light < kept[column] else kept[column]
+            kept[column] = min(kept[column], light)
         first, end = 0, kept.size
         while first < end and kept[first] == _ONE:
             first += 1
@@ -260,6 +260,6 @@ def darken(
 def _fading(share: np.float32) -> np.float32:
     """Return about exp(-4 share^2), and 0 from 1 on."""
     left = _ONE - share * share
-    left = left if left > _ZERO else _ZERO
+    left = max(_ZERO, left)
     left *= left
     return left * left
