@@ -6,20 +6,22 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.builder.rendering.kernels import (
-    SAMPLES,
-    blend,
-    bound,
-    cover,
-    darken,
+from are_ros.builder.rendering.compositing import clear, compose, mean_light
+from are_ros.builder.rendering.rasterizing import (
+    WIDE,
+    Corners,
+    Faces,
+    choose_faces,
     draw,
+    limit_nearness,
+    make_blocks,
     merge,
-    shade,
+    place_points,
 )
+from are_ros.builder.rendering.shading import Textures, darken, shade
 from are_ros.builder.rendering.surface import Surface, to_linear, to_srgb
 from are_ros.world.cameras import FisheyeView, PinholeView
 from are_ros.world.rigid_transform import RigidTransform
@@ -31,9 +33,14 @@ _LINEAR: Final = to_linear(np.arange(256) / 255.0).astype(np.float32)
 _SRGB: Final = np.rint(255.0 * to_srgb(np.arange(4096) / 4095.0)).astype(np.uint8)
 _GREY: Final = 0.22
 """The mean linear intensity of the picture of a place that is lit with strength 1."""
-_SHADOW_M: Final = 0.5
+_SHADOW_M: Final = 0.6
 """A shadow reaches as far from the body's box."""
+_RING: Final = np.column_stack(
+    [f(np.linspace(0.0, math.tau, 16, endpoint=False)) for f in (np.cos, np.sin)]
+)
 _DARKEST, _BRIGHTEST = 0.1, 1.6
+_SMALL_PX: Final = 8
+"""The sides of triangles that are not larger bulge little in the image of any lens."""
 _MARGIN: Final = 0.02
 """Of directions [rad]: more than a pixel's width, and than rounding."""
 
@@ -89,12 +96,13 @@ class Painter:
 
     def __init__(self, view: PinholeView | FisheyeView) -> None:
         self.view = view
-        rows, columns = SAMPLES * view.height, SAMPLES * view.width
-        self._ranges = np.full((rows, columns), np.inf, dtype=np.float32)
-        self._faces = np.zeros((rows, columns), dtype=np.int32)
-        self._front = np.full((rows, columns), np.inf, dtype=np.float32)
-        self._front_body = np.full((rows, columns), -1, dtype=np.int32)
-        self._front_face = np.zeros((rows, columns), dtype=np.int32)
+        height, width = view.height, view.width
+        self._layer = np.zeros((height, 4 * width), dtype=np.float32)
+        self._shadow_left = np.ones((height, width), dtype=np.float32)
+        self._layer_spans = np.tile(np.array((width, 0), dtype=np.int32), (height, 1))
+        self._shadow_spans = self._layer_spans.copy()
+        self._faces = Faces.room(0)
+        self._textures = _TextureSet()
 
     @cached_property
     def rays(self) -> Floats:
@@ -102,31 +110,26 @@ class Painter:
         return self.view.directions()
 
     @cached_property
-    def sample_rays(self) -> Floats:
-        """The unit rays of the samples, float32 (3, 2 H, 2 W), zero where a pixel has none."""
-        whole = self.rays.astype(np.float64)
-        has_ray = whole.any(axis=2)
-        for axis in (0, 1):
-            before, after = np.roll(whole, 1, axis), np.roll(whole, -1, axis)
-            first: list[slice | int] = [slice(None), slice(None)]
-            last = list(first)
-            first[axis], last[axis] = 0, -1
-            inner, outer = list(first), list(last)
-            inner[axis], outer[axis] = min(1, whole.shape[axis] - 1), -min(2, whole.shape[axis])
-            before[tuple(first)] = 2.0 * whole[tuple(first)] - whole[tuple(inner)]
-            after[tuple(last)] = 2.0 * whole[tuple(last)] - whole[tuple(outer)]
-            # Beyond the edge of a lens's image there is no ray: the pixel's own serves.
-            before[~before.any(axis=2)] = whole[~before.any(axis=2)]
-            after[~after.any(axis=2)] = whole[~after.any(axis=2)]
-            parts = (0.75 * whole + 0.25 * before, 0.75 * whole + 0.25 * after)
-            shape = list(whole.shape)
-            shape[axis] *= 2
-            whole = np.stack(parts, axis=axis + 1).reshape(shape)
-        whole[~np.repeat(np.repeat(has_ray, SAMPLES, 0), SAMPLES, 1)] = 0.0
-        lengths = np.linalg.norm(whole, axis=2, keepdims=True)
-        unit = (whole / np.maximum(lengths, 1e-12)).astype(np.float32)
-        rays: Floats = np.ascontiguousarray(unit.transpose(2, 0, 1))
-        return rays
+    def _flat_rays(self) -> Floats:
+        """The same, float32 (3, H, W)."""
+        return np.ascontiguousarray(self.rays.transpose(2, 0, 1))
+
+    @cached_property
+    def blocks(self) -> Floats:
+        """The samples, in blocks; see `rasterizing`. Between images there is no body in them."""
+        return make_blocks(self.rays)
+
+    @cached_property
+    def _touched(self) -> npt.NDArray[np.uint8]:
+        return np.zeros(self.blocks.shape[:2], dtype=np.uint8)
+
+    @cached_property
+    def _least(self) -> Floats:
+        return np.zeros((self.view.height, WIDE * self.blocks.shape[1]), dtype=np.float32)
+
+    def prepare(self) -> None:
+        """Compute the rays now, not when the first image comes."""
+        _ = self._flat_rays, self.blocks, self._planes, self._small_bulge_px
 
     def paint(
         self,
@@ -141,104 +144,148 @@ class Painter:
 
         `real_m` float32 (H, W) are the ranges of what is really there, inf where nothing is.
         """
-        drawn = [self._drawn(k, body, map_from_camera, real_m) for k, body in enumerate(bodies)]
-        layer = np.zeros((self.view.height, self.view.width, 4), dtype=np.float32)
-        light = _light(lighting, map_from_camera)
-        fractions = np.full(len(bodies), np.nan)
-        touched = [window for window, met, _ in drawn if met]
-        for k, (window, met, planes) in enumerate(drawn):
-            surface = bodies[k].surface
-            if met:
-                turn = (map_from_camera.inverse() @ bodies[k].map_from_box).rotation_matrix()
-                normals = surface.normals @ turn.T.astype(np.float32)
-                seen = shade(
-                    self.rays,
-                    self.sample_rays,
-                    _of_pixels(window),
-                    k,
-                    planes,
-                    normals,
-                    surface.colours,
-                    surface.uvs,
-                    surface.texture,
-                    _LINEAR,
-                    light,
-                    self._front_body,
-                    self._front_face,
-                    layer,
-                )
-                fractions[k] = seen / met
-        mask = self._mask(touched)
-        is_visible = bool((fractions > 0.0).any())
-        if not is_visible:
-            self._clear(touched)
-            return Painting(None, mask, fractions)
-        shadow = np.ones(layer.shape[:2], dtype=np.float32)
-        if lighting.shadow > 0.0:
-            for body, fraction in zip(bodies, fractions, strict=True):
-                if fraction > 0.0:
-                    self._shadow(body, map_from_camera, real_m, lighting.shadow, shadow)
-        painted = _composed(pixels, layer, shadow, lighting, random)
-        self._clear(touched)
+        met = self._draw(bodies, map_from_camera, real_m, lighting)
+        mask = np.full((self.view.height, self.view.width), -1, dtype=np.int32)
+        seen = np.zeros(len(bodies), dtype=np.int64)
+        shade(
+            self._flat_rays,
+            self._window,
+            self._faces,
+            self._textures.packed,
+            _LINEAR,
+            self.blocks,
+            self._touched,
+            mask,
+            seen,
+            self._layer,
+            self._layer_spans,
+        )
+        fractions = np.where(met > 0, seen / np.maximum(met, 1), np.nan)
+        painted = None
+        if seen.any():
+            if lighting.shadow > 0.0:
+                casting = [body for body, count in zip(bodies, seen, strict=True) if count]
+                self._cast_shadows(casting, map_from_camera, real_m, lighting.shadow)
+            painted = self._composed(pixels, lighting, random)
+        clear(self._layer, self._layer_spans, 4, np.float32(0.0))
+        clear(self._shadow_left, self._shadow_spans, 1, np.float32(1.0))
         return Painting(painted, mask, fractions)
 
-    def _drawn(
+    def _draw(
         self,
-        number: int,
-        body: PaintedBody,
+        bodies: Sequence[PaintedBody],
         map_from_camera: RigidTransform,
         real_m: Floats,
-    ) -> tuple[Indices, int, Floats]:
-        """Draw a body; return its window of samples, how many of them meet it, and its planes."""
-        surface, window = body.surface, np.zeros(4, dtype=np.int32)
-        planes = np.empty((len(surface.indices), 9), dtype=np.float32)
-        if not self._may_see(body, map_from_camera):
-            return window, 0, planes
-        corners = np.empty((len(surface.indices), 3, 3), dtype=np.float32)
-        points = (map_from_camera.inverse() @ body.map_from_box).apply(
-            surface.points_m.astype(np.float64)
-        )
-        bounds, window = bound(
-            points,
-            self.view.project(points),
-            surface.indices,
-            self._bulges(points, surface.indices),
-            (self.view.width, self.view.height),
-            self._planes,
-            corners,
-        )
-        if window[0] >= window[2] or window[1] >= window[3]:
-            return window, 0, planes
-        is_closed = body.surface.is_closed
-        draw(self.sample_rays, corners, bounds, is_closed, self._ranges, self._faces, planes)
+        lighting: Lighting,
+    ) -> npt.NDArray[np.int64]:
+        """Draw all bodies; return how many samples meet each, hidden or not, int64 (N,)."""
+        met = np.zeros(len(bodies), dtype=np.int64)
+        near = [k for k, body in enumerate(bodies) if self._may_see(body, map_from_camera)]
+        surfaces = [bodies[k].surface for k in near]
+        self._textures.hold([surface.texture for surface in surfaces])
+        most = sum(len(surface.indices) for surface in surfaces)
+        if most >= len(self._faces.owners):
+            self._faces = Faces.room(most)
+        self._window = np.array((self.view.width, self.view.height, 0, 0), dtype=np.int32)
+        camera_from_map = map_from_camera.inverse()
+        poses = [(camera_from_map @ bodies[k].map_from_box).matrix() for k in near]
+        ends = np.cumsum([0, *(len(surface.points_m) for surface in surfaces)])
+        points = np.empty((ends[-1], 3))
+        for surface, pose, begin, end in zip(surfaces, poses, ends, ends[1:], strict=False):
+            place_points(surface.points_m, pose, points[begin:end])
+        places = self.view.project(points)
+        light = _light(lighting)
         up = map_from_camera.rotation_matrix()[2].astype(np.float32)
-        heights = np.array((map_from_camera.translation_m[2], body.ground_m), dtype=np.float32)
-        met = merge(
-            self.rays,
-            window,
-            number,
-            self._ranges,
-            self._faces,
-            real_m,
-            up,
-            heights,
-            self._front,
-            self._front_body,
-            self._front_face,
-        )
-        return window, met, planes
+        first = 0
+        for number, k in enumerate(near):
+            own = slice(ends[number], ends[number + 1])
+            surface, window = surfaces[number], np.empty(4, dtype=np.int32)
+            box_from_camera = poses[number][:3, :3].T
+            directions = light.copy()
+            directions[:2] = light[:2] @ bodies[k].map_from_box.rotation_matrix()
+            last = choose_faces(
+                Corners(
+                    surface.points_m,
+                    surface.indices,
+                    surface.normals,
+                    surface.colours,
+                    surface.uvs,
+                ),
+                points[own],
+                places[own],
+                self._bulges(points[own], places[own], surface.indices),
+                (self.view.width, self.view.height),
+                self._planes,
+                surface.is_closed,
+                -box_from_camera @ poses[number][:3, 3],
+                directions,
+                k,
+                number,
+                first,
+                self._faces,
+                window,
+            )
+            if last > first:
+                draw(self.blocks, self._faces, first, last)
+                heights_m = (map_from_camera.translation_m[2], bodies[k].ground_m)
+                limit_nearness(
+                    self._flat_rays,
+                    window,
+                    real_m,
+                    up,
+                    np.array(heights_m, dtype=np.float32),
+                    self._least,
+                )
+                met[k] = merge(window, self._least, self.blocks, self._touched)
+                self._window[:2] = np.minimum(self._window[:2], window[:2])
+                self._window[2:] = np.maximum(self._window[2:], window[2:])
+            first = last
+        return met
 
-    def _bulges(self, points: npt.NDArray[np.float64], indices: Indices) -> npt.NDArray[np.float64]:
+    def _bulges(
+        self,
+        points: npt.NDArray[np.float64],
+        pixels: npt.NDArray[np.float64],
+        indices: Indices,
+    ) -> npt.NDArray[np.float64]:
         """Return how far the sides of triangles bulge in the image [px], (F,), or (0,) for none."""
         if self.view.is_straight:
             return np.empty(0)
-        corners = points[indices]
-        pixels = self.view.project(corners.reshape(-1, 3)).reshape(-1, 3, 2)
+        ends = pixels[indices]
+        bulges = np.full(len(indices), self._small_bulge_px)
+        with np.errstate(invalid="ignore"):
+            is_large = ~((ends.max(axis=1) - ends.min(axis=1)).max(axis=1) <= _SMALL_PX)
+        corners, ends = points[indices[is_large]], ends[is_large]
+        bulges[is_large] = self._measured_bulges(corners, ends)
+        return bulges
+
+    def _measured_bulges(
+        self, corners: npt.NDArray[np.float64], ends: npt.NDArray[np.float64]
+    ) -> npt.NDArray[np.float64]:
+        """Return twice how far the middles of sides are from the straight lines [px], (F,)."""
         middles = 0.5 * (corners + np.roll(corners, -1, axis=1))
         between = self.view.project(middles.reshape(-1, 3)).reshape(-1, 3, 2)
-        straight = 0.5 * (pixels + np.roll(pixels, -1, axis=1))
+        straight = 0.5 * (ends + np.roll(ends, -1, axis=1))
         bulges: npt.NDArray[np.float64] = 2.0 * np.abs(between - straight).max(axis=(1, 2))
         return bulges
+
+    @cached_property
+    def _small_bulge_px(self) -> float:
+        """How far the sides of triangles no larger than `_SMALL_PX` bulge, anywhere in the image.
+
+        Half as much again as the most that is measured, at right triangles of that size everywhere.
+        """
+        rays = self.rays.astype(np.float64)
+        step = _SMALL_PX
+        if min(rays.shape[:2]) <= step:
+            return float(step)
+        corners = np.stack(
+            (rays[:-step, :-step], rays[step:, :-step], rays[:-step, step:]), axis=2
+        )[::4, ::4].reshape(-1, 3, 3)
+        corners = corners[corners.any(axis=2).all(axis=1)]
+        ends = self.view.project(corners.reshape(-1, 3)).reshape(-1, 3, 2)
+        measured = self._measured_bulges(corners, ends)
+        return 1.5 * float(np.nanmax(measured, initial=0.0))
 
     @cached_property
     def _cone(self) -> tuple[npt.NDArray[np.float64], float]:
@@ -271,104 +318,118 @@ class Painter:
         aside_rad = math.acos(min(max(cosine, -1.0), 1.0)) - math.asin(radius_m / away_m)
         return aside_rad <= widest_rad + _MARGIN
 
-    def _mask(self, windows: Sequence[Indices]) -> Indices:
-        """Return which body covers most of each pixel."""
-        mask = np.full((self.view.height, self.view.width), -1, dtype=np.int32)
-        for window in windows:
-            cover(_of_pixels(window), self._front_body, mask)
-        return mask
-
-    def _shadow(
+    def _cast_shadows(
         self,
-        body: PaintedBody,
+        bodies: Sequence[PaintedBody],
         map_from_camera: RigidTransform,
         real_m: Floats,
         strength: float,
-        shadow: Floats,
     ) -> None:
-        x, y, _ = body.map_from_box.translation_m.tolist()
-        yaw = body.map_from_box.yaw_rad()
-        half_x, half_y, _ = body.half_sizes_m.tolist()
-        reach = math.hypot(half_x, half_y) + _SHADOW_M
-        turns = np.linspace(0.0, math.tau, 16, endpoint=False)
-        ring = np.column_stack(
-            (x + reach * np.cos(turns), y + reach * np.sin(turns), np.full(16, body.ground_m))
-        )
-        pixels = self.view.project(map_from_camera.inverse().apply(ring))
+        """Darken the floor around bodies."""
         size = np.array((self.view.width, self.view.height))
-        if np.isfinite(pixels).all():
-            low, high = np.floor(pixels.min(axis=0)), np.ceil(pixels.max(axis=0)) + 1
-            window = np.concatenate((np.clip(low, 0, size), np.clip(high, 0, size)))
-        else:
-            window = np.array((0, 0, *size))
-        box = (x, y, body.ground_m, math.cos(yaw), math.sin(yaw), half_x, half_y)
-        darken(
-            self.rays,
-            window.astype(np.int32),
-            map_from_camera.translation_m.astype(np.float32),
-            map_from_camera.rotation_matrix().astype(np.float32),
-            np.array(box, dtype=np.float32),
-            real_m,
-            np.float32(strength),
-            shadow,
+        rings = np.empty((len(bodies), len(_RING), 3))
+        for ring, body in zip(rings, bodies, strict=True):
+            half_x, half_y, _ = body.half_sizes_m.tolist()
+            ring[:, :2] = body.map_from_box.translation_m[:2]
+            ring[:, :2] += (math.hypot(half_x, half_y) + _SHADOW_M) * _RING
+            ring[:, 2] = body.ground_m
+        points = map_from_camera.inverse().apply(rings.reshape(-1, 3))
+        pixels = self.view.project(points).reshape(len(bodies), -1, 2)
+        low, high = pixels.min(axis=1), pixels.max(axis=1)
+        is_known = np.isfinite(low + high)  # else the ring may reach behind the camera
+        low = np.where(is_known.all(axis=1, keepdims=True), np.floor(low), 0)
+        high = np.where(is_known.all(axis=1, keepdims=True), np.ceil(high) + 1, size)
+        windows = np.concatenate((np.clip(low, 0, size), np.clip(high, 0, size)), axis=1)
+        camera_m = map_from_camera.translation_m.astype(np.float32)
+        turn = map_from_camera.rotation_matrix().astype(np.float32)
+        for body, window in zip(bodies, windows.astype(np.int32), strict=True):
+            x, y, _ = body.map_from_box.translation_m.tolist()
+            yaw = body.map_from_box.yaw_rad()
+            half_x, half_y, _ = body.half_sizes_m.tolist()
+            box = (x, y, body.ground_m, math.cos(yaw), math.sin(yaw), half_x, half_y)
+            darken(
+                self._flat_rays,
+                window,
+                camera_m,
+                turn,
+                np.array(box, dtype=np.float32),
+                real_m,
+                np.float32(strength),
+                self._shadow_left,
+                self._shadow_spans,
+            )
+
+    def _composed(
+        self, pixels: npt.NDArray[np.uint8], lighting: Lighting, random: np.random.Generator
+    ) -> npt.NDArray[np.uint8]:
+        """Return the image with what is painted; what neither layer nor shadow touches is kept."""
+        gain = np.full(3, lighting.brightness, dtype=np.float32)
+        if lighting.is_estimated:
+            mean = np.empty(3, dtype=np.float32)
+            mean_light(pixels, _LINEAR, mean)
+            cast = np.sqrt(np.maximum(mean, 1e-4) / max(float(mean.mean()), 1e-4))
+            gain *= np.clip(mean.mean() / _GREY, _DARKEST, _BRIGHTEST) * cast
+        taps = _taps(lighting.blur_px)
+        painted: npt.NDArray[np.uint8] = pixels.copy()
+        compose(
+            self._layer,
+            self._shadow_left,
+            self._layer_spans,
+            self._shadow_spans,
+            taps,
+            gain.astype(np.float32),
+            np.float32(lighting.noise),
+            random.integers(2**64, dtype=np.uint64),
+            _LINEAR,
+            _SRGB,
+            np.empty((3, 4 * (self.view.width + len(taps))), dtype=np.float32),
+            painted,
+        )
+        return painted
+
+
+class _TextureSet:
+    """The textures of the surfaces in an image, packed anew only when they are others."""
+
+    def __init__(self) -> None:
+        self._held: list[npt.NDArray[np.uint8]] = []
+        self.packed = Textures(np.empty(0, dtype=np.uint8), np.empty((0, 3), dtype=np.int64))
+
+    def hold(self, textures: list[npt.NDArray[np.uint8]]) -> None:
+        """Pack textures (H, W, 3), unless they are packed already."""
+        is_held = len(textures) == len(self._held) and all(
+            one is other for one, other in zip(textures, self._held, strict=True)
+        )
+        if is_held:
+            return
+        starts = np.cumsum([0, *(texture.size for texture in textures)])
+        places = [
+            (start, *texture.shape[:2]) for start, texture in zip(starts, textures, strict=False)
+        ]
+        texels = [np.empty(0, dtype=np.uint8), *(texture.reshape(-1) for texture in textures)]
+        self._held = textures
+        self.packed = Textures(
+            np.concatenate(texels), np.array(places, dtype=np.int64).reshape(-1, 3)
         )
 
-    def _clear(self, windows: Sequence[Indices]) -> None:
-        for left, top, right, bottom in windows:
-            self._front[top:bottom, left:right] = np.inf
-            self._front_body[top:bottom, left:right] = -1
 
+def _light(lighting: Lighting) -> npt.NDArray[np.float64]:
+    """Return the directions to the lamp and up in the map's frame, and the strengths (3, 3).
 
-def _of_pixels(window: Indices) -> Indices:
-    """Return the rectangle of pixels around one of samples."""
-    low, high = window[:2] // SAMPLES, -(-window[2:] // SAMPLES)
-    return np.concatenate((low, high)).astype(np.int32)
-
-
-def _light(lighting: Lighting, map_from_camera: RigidTransform) -> Floats:
-    """Return the directions to the lamp and up in the camera's frame, and the strengths."""
+    These are of the lamp, of the sky above, and of the ground below.
+    """
     level = math.cos(lighting.elevation_rad)
     lamp = (
         level * math.cos(lighting.azimuth_rad),
         level * math.sin(lighting.azimuth_rad),
         math.sin(lighting.elevation_rad),
     )
-    into_camera = map_from_camera.rotation_matrix().T
-    rows = (into_camera @ lamp, into_camera @ (0.0, 0.0, 1.0), (0.55, 0.5, 0.28))
-    return np.array(rows, dtype=np.float32)
+    return np.array((lamp, (0.0, 0.0, 1.0), (0.55, 0.5, 0.28)))
 
 
-def _composed(
-    pixels: npt.NDArray[np.uint8],
-    layer: Floats,
-    shadow: Floats,
-    lighting: Lighting,
-    random: np.random.Generator,
-) -> npt.NDArray[np.uint8]:
-    """Return the image with shadows and the layer over it; what neither touches keeps its bits."""
-    gain = np.full(3, lighting.brightness, dtype=np.float32)
-    if lighting.is_estimated:
-        mean = _LINEAR[pixels[::4, ::4]].mean(axis=(0, 1))
-        cast = np.sqrt(np.maximum(mean, 1e-4) / max(float(mean.mean()), 1e-4))
-        gain *= np.clip(mean.mean() / _GREY, _DARKEST, _BRIGHTEST) * cast
-    is_touched = (layer[:, :, 3] > 0.0) | (shadow < 0.999)
-    marks = is_touched.view(np.uint8)  # their greatest is found quicker than whether any is set
-    rows, columns = (np.flatnonzero(marks.max(axis=axis)) for axis in (1, 0))
-    margin = math.ceil(3.0 * lighting.blur_px) if lighting.blur_px > 0.0 else 0
-    top, left = max(int(rows.min()) - margin, 0), max(int(columns.min()) - margin, 0)
-    part = slice(top, int(rows.max()) + margin + 1), slice(left, int(columns.max()) + margin + 1)
-    over, kept = np.ascontiguousarray(layer[part]), np.ascontiguousarray(shadow[part])
-    if lighting.blur_px > 0.0:
-        sigma = lighting.blur_px
-        over = cv2.GaussianBlur(over, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE)
-        kept = cv2.GaussianBlur(kept, (0, 0), max(1.0, sigma), borderType=cv2.BORDER_REPLICATE)
-    noise = np.zeros(over.shape[:2], dtype=np.float32)
-    if lighting.noise > 0.0:
-        is_covered = over[:, :, 3] > 0.0
-        count = int(np.count_nonzero(is_covered))
-        noise[is_covered] = lighting.noise * random.standard_normal(count, dtype=np.float32)
-    painted: npt.NDArray[np.uint8] = pixels.copy()
-    mixed = np.ascontiguousarray(painted[part])
-    blend(over, np.ascontiguousarray(kept), gain.astype(np.float32), noise, _LINEAR, _SRGB, mixed)
-    painted[part] = mixed
-    return painted
+def _taps(blur_px: float) -> Floats:
+    """Return the weights of a Gaussian blur, float32 (2 R + 1,)."""
+    radius = math.ceil(3.0 * blur_px)
+    weights = np.exp(-0.5 * (np.arange(-radius, radius + 1) / max(blur_px, 1e-6)) ** 2)
+    taps: Floats = (weights / weights.sum()).astype(np.float32)
+    return taps

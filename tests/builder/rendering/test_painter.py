@@ -63,9 +63,17 @@ def paint(
     return painter.paint(pixels, CAMERA, bodies, real, lighting, np.random.default_rng(1))
 
 
+def sample_rays(painter: Painter) -> Floats:
+    """Return the rays of the samples (2 H, 2 W, 3), out of their blocks."""
+    height, blocks, _ = painter.blocks.shape
+    parts = painter.blocks[:, :, :48].reshape(height, blocks, 3, 2, 2, 4)
+    rays = parts.transpose(0, 3, 1, 5, 4, 2).reshape(2 * height, 8 * blocks, 3)
+    return rays[:, : 2 * painter.view.width].astype(np.float64)
+
+
 def ranges_of(painter: Painter, body: PaintedBody) -> Floats:
     """Return the first hits of all samples on a body, one triangle at a time; inf where none."""
-    rays = painter.sample_rays.transpose(1, 2, 0).astype(np.float64)
+    rays = sample_rays(painter)
     camera_from_box = CAMERA.inverse() @ body.map_from_box
     turn = camera_from_box.rotation_matrix()
     best = np.full(rays.shape[:2], np.inf)

@@ -1,0 +1,482 @@
+"""Which triangle each sample of an image meets, for pixels that have any rays.
+
+Each pixel has four samples, 2 x 2. A triangle is met exactly along the ray of a sample, so every
+lens is served alike; its projection only bounds where to look.
+
+Samples lie in blocks: LANES of them, of four pixels side by side; sample s of pixel c is lane
+4 s + c. An inner loop over one block is as long as the vector units are wide. All that belongs to a
+block is in one array, side by side, so that the compiler knows that writes do not change what is
+read: `blocks` float32 (H, B, BLOCK) are the rays' x, y and z, then, of the body that is drawn, the
+reciprocal of the range [1/m] (0: none) and the face, then both of the nearest body (-1: no face).
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros._compiled import borrowing
+
+Floats = npt.NDArray[np.float32]
+Integers = npt.NDArray[np.int32]
+
+SAMPLES: Final = 4
+"""Samples of a pixel, 2 x 2, row by row."""
+WIDE: Final = 4
+"""Pixels of a block."""
+LANES: Final = SAMPLES * WIDE
+_X: Final = 0
+_Y: Final = LANES
+_Z: Final = 2 * LANES
+_NEAR: Final = 3 * LANES
+_FACE: Final = 4 * LANES
+FRONT: Final = 5 * LANES
+FRONT_FACE: Final = 6 * LANES
+BLOCK: Final = 7 * LANES
+"""Where each kind of number begins in a block, and how many numbers there are."""
+TIE_M: Final = np.float32(0.02)
+"""A real surface hides what is farther than this behind it: depth cameras are not exact."""
+FLOOR_M: Final = np.float32(0.06)
+"""A real surface that is less than this above the artefact's ground is the ground: it hides
+nothing, however noisy it is."""
+_ROOM_PX: Final = 0.1
+_WIDE_BLOCKS: Final = 3
+"""In a triangle of fewer blocks a row, it does not pay to ask which of them it may meet."""
+_ZERO: Final = np.float32(0.0)
+_ONE: Final = np.float32(1.0)
+_INFINITE: Final = np.float32(np.inf)
+
+
+class Faces(NamedTuple):
+    """Triangles that may be seen, as the kernels take them; room for N.
+
+    `planes` float32 (N, 21) are seven planes through the camera. The first three are those of the
+    sides: a ray meets the triangle where its products with them are not negative. The product with
+    the fourth is the reciprocal of the range. The products with the other three, by that with the
+    fourth, are red, green and blue, or brightness and the place in the texture.
+
+    `outlines` float32 (N, 7) are x, y of the corners in the image, and how far from the triangle
+    between them a sample may meet it [px]. `bounds` int32 (N, 4) are the pixels where to look:
+    left, top, right, bottom, the ends left out. `owners` int32 (N,) are the bodies, and `textures`
+    int32 (N,) the textures, -1 for none.
+    """
+
+    planes: Floats
+    outlines: Floats
+    bounds: Integers
+    owners: Integers
+    textures: Integers
+
+    @classmethod
+    def room(cls, most: int) -> "Faces":
+        """Return room for so many faces; one more, as one is written before it is kept."""
+        return cls(
+            np.empty((most + 1, 21), dtype=np.float32),
+            np.empty((most + 1, 7), dtype=np.float32),
+            np.empty((most + 1, 4), dtype=np.int32),
+            np.empty(most + 1, dtype=np.int32),
+            np.empty(most + 1, dtype=np.int32),
+        )
+
+
+class Corners(NamedTuple):
+    """The triangles of a surface in the frame of their box; see `Surface`."""
+
+    points_m: Floats
+    indices: Integers
+    normals: Floats
+    colours: Floats
+    uvs: Floats
+
+
+def make_blocks(rays: Floats) -> Floats:
+    """Return the blocks of an image whose pixels have the unit rays (H, W, 3), with no body."""
+    blocks = np.zeros((rays.shape[0], -(-rays.shape[1] // WIDE), BLOCK), dtype=np.float32)
+    blocks[:, :, FRONT_FACE:] = -1.0
+    cast_samples(rays, blocks)
+    return blocks
+
+
+@borrowing
+def cast_samples(rays: Floats, blocks: Floats) -> None:
+    """Fill the unit rays of samples from those of pixels (H, W, 3).
+
+    They lie between those of the pixels around. Beyond the edge of a lens's image there is no ray:
+    the pixel's own serves. A pixel without a ray has none in its samples.
+    """
+    height, width = rays.shape[0], rays.shape[1]
+    for row in range(height):
+        for column in range(width):
+            if not _has_ray(rays, row, column):
+                continue
+            for sample in range(SAMPLES):
+                down, right = 2 * (sample // 2) - 1, 2 * (sample % 2) - 1
+                x, y, z = _between_columns(rays, row, column, down, right)
+                scale = 1.0 / np.sqrt(x * x + y * y + z * z)
+                lane = sample * WIDE + column % WIDE
+                blocks[row, column // WIDE, _X + lane] = np.float32(scale * x)
+                blocks[row, column // WIDE, _Y + lane] = np.float32(scale * y)
+                blocks[row, column // WIDE, _Z + lane] = np.float32(scale * z)
+
+
+@borrowing
+def _has_ray(rays: Floats, row: int, column: int) -> bool:
+    return (
+        rays[row, column, 0] != _ZERO
+        or rays[row, column, 1] != _ZERO
+        or (rays[row, column, 2] != _ZERO)
+    )
+
+
+@borrowing
+def _between_rows(rays: Floats, row: int, column: int, down: int) -> tuple[float, float, float]:
+    """Return the ray a quarter of a pixel above or below a pixel."""
+    x, y, z = (
+        np.float64(rays[row, column, 0]),
+        np.float64(rays[row, column, 1]),
+        np.float64(rays[row, column, 2]),
+    )
+    there, share = row + down, 0.25
+    if there < 0 or there >= rays.shape[0]:
+        there, share = min(max(row - down, 0), rays.shape[0] - 1), -0.25
+    if not _has_ray(rays, there, column):
+        return x, y, z
+    kept = 1.0 - share
+    return (
+        kept * x + share * rays[there, column, 0],
+        kept * y + share * rays[there, column, 1],
+        kept * z + share * rays[there, column, 2],
+    )
+
+
+@borrowing
+def _between_columns(
+    rays: Floats, row: int, column: int, down: int, right: int
+) -> tuple[float, float, float]:
+    """Return the ray a quarter of a pixel from a pixel's middle, both ways."""
+    x, y, z = _between_rows(rays, row, column, down)
+    there, share = column + right, 0.25
+    if there < 0 or there >= rays.shape[1]:
+        there, share = min(max(column - right, 0), rays.shape[1] - 1), -0.25
+    if not _has_ray(rays, row, there):
+        return x, y, z
+    other_x, other_y, other_z = _between_rows(rays, row, there, down)
+    kept = 1.0 - share
+    return kept * x + share * other_x, kept * y + share * other_y, kept * z + share * other_z
+
+
+@borrowing
+def place_points(
+    points_m: Floats, camera_from_box: npt.NDArray[np.float64], placed: npt.NDArray[np.float64]
+) -> None:
+    """Write points (V, 3) of the box's frame in the camera's; `camera_from_box` is (4, 4)."""
+    matrix = camera_from_box
+    for point in range(points_m.shape[0]):
+        x, y, z = points_m[point, 0], points_m[point, 1], points_m[point, 2]
+        for axis in range(3):
+            placed[point, axis] = (
+                matrix[axis, 0] * x + matrix[axis, 1] * y + matrix[axis, 2] * z + matrix[axis, 3]
+            )
+
+
+@borrowing
+def choose_faces(
+    corners: Corners,
+    points: npt.NDArray[np.float64],
+    pixels: npt.NDArray[np.float64],
+    bulges: npt.NDArray[np.float64],
+    size: tuple[int, int],
+    frustum: npt.NDArray[np.float64],
+    is_closed: bool,
+    camera_m: npt.NDArray[np.float64],
+    light: npt.NDArray[np.float64],
+    body: int,
+    texture: int,
+    first: int,
+    faces: Faces,
+    window: Integers,
+) -> int:
+    """Add the triangles of a body that a ray may meet to the faces, from `first` on.
+
+    Return the number of faces then; `window` (4,) is the rectangle of pixels around them, empty
+    where there are none.
+
+    Points (V, 3) are in the camera's frame, and pixels (V, 2) where they are in the image of a
+    `size`, NaN where that is not known. The sides of triangle f bulge by bulges[f] pixels in the
+    image, or none (0,) do. No ray of the image goes where a plane of the
+    `frustum` (P, 3), through the camera, is negative. Of a closed surface the far side is left out. `camera_m` (3,) and the directions of
+    the `light` (3, 3) are in the box's frame.
+    """
+    window[0], window[1], window[2], window[3] = size[0], size[1], 0, 0
+    face = first
+    for triangle in range(corners.indices.shape[0]):
+        a, b, c = (
+            np.uint32(corners.indices[triangle, 0]),
+            np.uint32(corners.indices[triangle, 1]),
+            np.uint32(corners.indices[triangle, 2]),
+        )
+        ax, ay, az = points[a, 0], points[a, 1], points[a, 2]
+        bx, by, bz = points[b, 0], points[b, 1], points[b, 2]
+        cx, cy, cz = points[c, 0], points[c, 1], points[c, 2]
+        px, py, pz = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
+        volume = ax * px + ay * py + az * pz
+        if volume == 0.0 or (is_closed and volume > 0.0):
+            continue
+        bounds, outline = faces.bounds[face], faces.outlines[face]
+        bulge = bulges[triangle] if bulges.size else 0.0
+        if not np.isfinite(pixels[a, 0] + pixels[b, 0] + pixels[c, 0] + bulge):
+            if _is_outside(points, a, b, c, frustum):
+                continue
+            bounds[0], bounds[1], bounds[2], bounds[3] = 0, 0, size[0], size[1]
+            for number in range(7):
+                outline[number] = _INFINITE if number == 6 else _ZERO
+        elif not _bound(pixels, a, b, c, bulge + _ROOM_PX, size, bounds, outline):
+            continue
+        # The sides' planes of two triangles with a side in common are the same but for the sign,
+        # to the last bit: so no ray goes between them.
+        sign = 1.0 if volume > 0.0 else -1.0
+        px, py, pz = sign * px, sign * py, sign * pz
+        qx, qy, qz = (
+            sign * (cy * az - cz * ay),
+            sign * (cz * ax - cx * az),
+            sign * (cx * ay - cy * ax),
+        )
+        rx, ry, rz = (
+            sign * (ay * bz - az * by),
+            sign * (az * bx - ax * bz),
+            sign * (ax * by - ay * bx),
+        )
+        scale = 1.0 / (sign * volume)
+        found = faces.planes[face]
+        found[0], found[1], found[2] = px, py, pz
+        found[3], found[4], found[5] = qx, qy, qz
+        found[6], found[7], found[8] = rx, ry, rz
+        found[9] = scale * (px + qx + rx)
+        found[10] = scale * (py + qy + ry)
+        found[11] = scale * (pz + qz + rz)
+        is_plain = np.isnan(corners.uvs[triangle, 0, 0])
+        faces.owners[face] = body
+        faces.textures[face] = -1 if is_plain else texture
+        bright = _brightness(corners, triangle, camera_m, light)
+        for channel in range(3):
+            if is_plain:
+                one = bright[0] * corners.colours[triangle, 0, channel]
+                two = bright[1] * corners.colours[triangle, 1, channel]
+                three = bright[2] * corners.colours[triangle, 2, channel]
+            elif channel == 0:
+                one, two, three = bright
+            else:
+                one = np.float64(corners.uvs[triangle, 0, channel - 1])
+                two = np.float64(corners.uvs[triangle, 1, channel - 1])
+                three = np.float64(corners.uvs[triangle, 2, channel - 1])
+            one, two, three = scale * one, scale * two, scale * three
+            found[12 + 3 * channel] = one * px + two * qx + three * rx
+            found[13 + 3 * channel] = one * py + two * qy + three * ry
+            found[14 + 3 * channel] = one * pz + two * qz + three * rz
+        window[0], window[1] = min(window[0], bounds[0]), min(window[1], bounds[1])
+        window[2], window[3] = max(window[2], bounds[2]), max(window[3], bounds[3])
+        face += 1
+    return face
+
+
+@borrowing
+def _bound(
+    pixels: npt.NDArray[np.float64],
+    a: int,
+    b: int,
+    c: int,
+    room_px: float,
+    size: tuple[int, int],
+    bounds: Integers,
+    outline: Floats,
+) -> bool:
+    """Write the pixels whose samples a triangle may meet; tell whether there are any."""
+    outline[6] = room_px
+    for axis in range(2):
+        p, q, r = pixels[a, axis], pixels[b, axis], pixels[c, axis]
+        outline[axis], outline[2 + axis], outline[4 + axis] = p, q, r
+        # sample j of a row is at (j - 0.5) / 2 pixels
+        low = max(min(p, q, r) - room_px, -0.25)
+        high = min(max(p, q, r) + room_px, size[axis] - 0.75)
+        if not low <= high:
+            return False
+        first, end = int(np.ceil(2.0 * low + 0.5)), int(np.floor(2.0 * high + 0.5)) + 1
+        if first >= end:
+            return False
+        bounds[axis], bounds[2 + axis] = first // 2, (end + 1) // 2
+    return True
+
+
+@borrowing
+def _is_outside(
+    points: npt.NDArray[np.float64], a: int, b: int, c: int, planes: npt.NDArray[np.float64]
+) -> bool:
+    """Tell whether a plane has a whole triangle on its negative side."""
+    for plane in range(planes.shape[0]):
+        x, y, z = planes[plane, 0], planes[plane, 1], planes[plane, 2]
+        if (
+            x * points[a, 0] + y * points[a, 1] + z * points[a, 2] <= 0.0
+            and x * points[b, 0] + y * points[b, 1] + z * points[b, 2] <= 0.0
+            and x * points[c, 0] + y * points[c, 1] + z * points[c, 2] <= 0.0
+        ):
+            return True
+    return False
+
+
+@borrowing
+def _brightness(
+    corners: Corners,
+    triangle: int,
+    camera_m: npt.NDArray[np.float64],
+    light: npt.NDArray[np.float64],
+) -> tuple[float, float, float]:
+    """Return the light that comes from the corners of a triangle, on the side that is seen."""
+    towards = 0.0
+    for corner in range(3):
+        point = np.uint32(corners.indices[triangle, corner])
+        for axis in range(3):
+            apart_m = camera_m[axis] - corners.points_m[point, axis]
+            towards += apart_m * corners.normals[triangle, corner, axis]
+    turn = 1.0 if towards >= 0.0 else -1.0
+    return (
+        _of_corner(corners.normals[triangle, 0], turn, light),
+        _of_corner(corners.normals[triangle, 1], turn, light),
+        _of_corner(corners.normals[triangle, 2], turn, light),
+    )
+
+
+@borrowing
+def _of_corner(normal: Floats, turn: float, light: npt.NDArray[np.float64]) -> float:
+    x, y, z = turn * normal[0], turn * normal[1], turn * normal[2]
+    lamp = x * light[0, 0] + y * light[0, 1] + z * light[0, 2]
+    sky = 0.5 + 0.5 * (x * light[1, 0] + y * light[1, 1] + z * light[1, 2])
+    bright: float = light[2, 0] * max(lamp, 0.0) + light[2, 1] * sky + light[2, 2] * (1.0 - sky)
+    return bright
+
+
+@borrowing
+def draw(blocks: Floats, faces: Faces, first: int, end: int) -> None:
+    """Note at each sample the nearest of the faces from `first` to `end`, the end left out."""
+    for number in range(first, end):
+        face = np.uint32(number)
+        planes, bounds = faces.planes[face], faces.bounds[face]
+        left, right = bounds[0] // WIDE, (bounds[2] + WIDE - 1) // WIDE
+        if right - left < _WIDE_BLOCKS:
+            _draw_part(blocks, planes, number, left, right, bounds[1], bounds[3])
+            continue
+        for row in range(bounds[1], bounds[3]):
+            begin, stop = _span(faces.outlines[face], row, left, right)
+            _draw_part(blocks, planes, number, begin, stop, row, row + 1)
+
+
+@borrowing
+def _draw_part(
+    blocks: Floats, planes: Floats, number: int, left: int, right: int, top: int, bottom: int
+) -> None:
+    """Draw a face in the blocks from left to right, rows from top to bottom, ends left out."""
+    face = np.float32(number)
+    px, py, pz = planes[0], planes[1], planes[2]
+    qx, qy, qz = planes[3], planes[4], planes[5]
+    rx, ry, rz = planes[6], planes[7], planes[8]
+    nx, ny, nz = planes[9], planes[10], planes[11]
+    for row in range(np.uint32(top), np.uint32(bottom)):
+        for number_in_row in range(np.uint32(left), np.uint32(right)):
+            block = blocks[row, number_in_row]
+            # Of a fixed length and without branches: so the compiler uses the vector units.
+            for lane in range(LANES):
+                x, y, z = block[_X + lane], block[_Y + lane], block[_Z + lane]
+                is_inside = (
+                    (x * px + y * py + z * pz >= _ZERO)
+                    & (x * qx + y * qy + z * qz >= _ZERO)
+                    & (x * rx + y * ry + z * rz >= _ZERO)
+                )
+                here, near = x * nx + y * ny + z * nz, block[_NEAR + lane]
+                here = here if is_inside else _ZERO
+                block[_FACE + lane] = face if here > near else block[_FACE + lane]
+                block[_NEAR + lane] = max(near, here)
+
+
+@borrowing
+def _span(outline: Floats, row: int, left: int, right: int) -> tuple[int, int]:
+    """Return which blocks of a row, of those from left to right, may meet a triangle."""
+    room = outline[6]
+    if not room < _INFINITE:
+        return left, right
+    top, bottom = row - np.float32(0.25) - room, row + np.float32(0.25) + room
+    low, high = _INFINITE, -_INFINITE
+    for corner in range(3):
+        other = corner + 1 if corner < 2 else 0
+        x, y = outline[2 * corner], outline[2 * corner + 1]
+        to_x, to_y = outline[2 * other], outline[2 * other + 1]
+        if y > to_y:
+            x, y, to_x, to_y = to_x, to_y, x, y
+        if to_y < top or y > bottom:
+            continue
+        slope = (to_x - x) / max(to_y - y, np.float32(1e-6))
+        first = x + slope * (top - y) if y < top else x
+        last = to_x - slope * (to_y - bottom) if to_y > bottom else to_x
+        low, high = min(low, first, last), max(high, first, last)
+    if low > high:
+        return left, left
+    reach = room + np.float32(0.35)
+    begin = max(int((low - reach) // np.float32(WIDE)), left)
+    return begin, max(min(int((high + reach) // np.float32(WIDE)) + 1, right), left)
+
+
+@borrowing
+def limit_nearness(
+    rays: Floats,
+    window: Integers,
+    real: Floats,
+    up: Floats,
+    heights_m: Floats,
+    least: Floats,
+) -> None:
+    """Write the least nearness (H, 4 B) that is not hidden by what is really there, in a window.
+
+    `real` (H, W) are ranges along the rays of the pixels (3, H, W). `up` (3,) is the map's z in the
+    camera's frame, and `heights_m` (2,) how far camera and ground are above the map's origin.
+    """
+    ux, uy, uz = up[0], up[1], up[2]
+    camera_m, floor_m = heights_m[0], heights_m[1] + FLOOR_M
+    left, right = window[0], window[2]
+    for row in range(window[1], window[3]):
+        xs, ys, zs = rays[0, row, left:right], rays[1, row, left:right], rays[2, row, left:right]
+        there, out = real[row, left:right], least[row, left:right]
+        for column in range(out.size):
+            range_m = there[column]
+            climb = xs[column] * ux + ys[column] * uy + zs[column] * uz
+            hides = camera_m + range_m * climb > floor_m
+            out[column] = _ONE / (range_m + TIE_M) if hides else _ZERO
+
+
+@borrowing
+def merge(window: Integers, least: Floats, blocks: Floats, touched: npt.NDArray[np.uint8]) -> int:
+    """Put a body into the image where it is in front, and clear its samples; return their number.
+
+    `window` (4,) is the rectangle of pixels in which it was drawn; `least` as in `limit_nearness`.
+    Blocks (H, B) that may have changed are `touched`.
+    """
+    count = 0
+    first, end = window[0] // WIDE, (window[2] + WIDE - 1) // WIDE
+    for row in range(np.uint32(window[1]), np.uint32(window[3])):
+        for number in range(np.uint32(first), np.uint32(end)):
+            block, some = blocks[row, number], np.int32(0)
+            for lane in range(LANES):
+                some += np.int32(block[_NEAR + lane] > _ZERO)
+            if some == 0:
+                continue
+            count += some
+            touched[row, number] = 1
+            for column in range(WIDE):
+                limit = least[row, WIDE * number + column]
+                for sample in range(SAMPLES):
+                    lane = WIDE * sample + column
+                    here, best = block[_NEAR + lane], block[FRONT + lane]
+                    shows = (here >= limit) & (here > best)
+                    block[FRONT + lane] = here if shows else best
+                    block[FRONT_FACE + lane] = (
+                        block[_FACE + lane] if shows else block[FRONT_FACE + lane]
+                    )
+                    block[_NEAR + lane] = _ZERO
+    return count

@@ -1,0 +1,265 @@
+"""The light that comes from what each pixel sees, and the shadows on the floor."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros._compiled import borrowing
+from are_ros.builder.rendering.rasterizing import (
+    FLOOR_M,
+    FRONT,
+    FRONT_FACE,
+    LANES,
+    SAMPLES,
+    WIDE,
+    Faces,
+)
+
+Floats = npt.NDArray[np.float32]
+Integers = npt.NDArray[np.int32]
+
+_ZERO: Final = np.float32(0.0)
+_ONE: Final = np.float32(1.0)
+_PART: Final = np.float32(1.0 / SAMPLES)
+_NEAR_M: Final = np.float32(0.12)
+_WIDE_M: Final = np.float32(0.6)
+"""How far the dark seam below a body reaches, and its whole shadow."""
+
+
+class Textures(NamedTuple):
+    """K textures, one after the other: `texels` uint8 of red, green and blue, sRGB.
+
+    `places` int64 (K, 3): where each begins, its height and its width.
+    """
+
+    texels: npt.NDArray[np.uint8]
+    places: npt.NDArray[np.int64]
+
+
+@borrowing
+def shade(
+    rays: Floats,
+    window: Integers,
+    faces: Faces,
+    textures: Textures,
+    linear: Floats,
+    blocks: Floats,
+    touched: npt.NDArray[np.uint8],
+    mask: Integers,
+    seen: npt.NDArray[np.int64],
+    layer: Floats,
+    spans: Integers,
+) -> None:
+    """Put the light of the faces in front into the layer (H, 4 W), and clear these.
+
+    The layer has linear red, green, blue, and the covered share, for each pixel of the `window`.
+    `touched` (H, B) are the blocks with such faces. `mask` (H, W) becomes the body that has at least two of a pixel's samples (of two with two each
+    the one with the higher number), `seen` the number of each body's samples, and `spans` (H, 2)
+    the columns of each row that the layer covers. `rays` (3, H, W) are those of pixels. `linear` (256,) are the intensities of sRGB values. A face is shaded once a
+    pixel: along the pixel's own ray where all samples meet it, else along that of a sample. Where
+    all samples see one body, but several faces of it, two samples do.
+    """
+    first, end = window[0] // WIDE, (window[2] + WIDE - 1) // WIDE
+    for row in range(np.uint32(window[1]), np.uint32(window[3])):
+        for number in range(np.uint32(first), np.uint32(end)):
+            if touched[row, number] == 0:
+                continue
+            touched[row, number] = 0
+            block = blocks[row, number]
+            for place in range(WIDE):
+                one = np.int32(block[FRONT_FACE + place])
+                two = np.int32(block[FRONT_FACE + WIDE + place])
+                three = np.int32(block[FRONT_FACE + 2 * WIDE + place])
+                four = np.int32(block[FRONT_FACE + 3 * WIDE + place])
+                if max(one, two, three, four) < 0:
+                    continue
+                column = WIDE * number + place
+                red, green, blue, covered = _ZERO, _ZERO, _ZERO, _ZERO
+                if one == two and one == three and one == four:
+                    which = np.uint32(one)
+                    x, y, z = rays[0, row, column], rays[1, row, column], rays[2, row, column]
+                    red, green, blue = _look(x, y, z, faces.planes, which)
+                    if faces.textures[which] >= 0:
+                        part = textures.places[faces.textures[which]]
+                        red, green, blue = _texel(red, green, blue, part, textures.texels, linear)
+                    covered = _ONE
+                    owner = faces.owners[which]
+                    seen[owner] += SAMPLES
+                    mask[row, column] = owner
+                else:
+                    best, is_one = _count(one, two, three, four, faces.owners, seen)
+                    mask[row, column] = best
+                    if is_one:  # inside a body half the samples do
+                        two = three = np.int32(-1)
+                    for sample in range(SAMPLES):
+                        face = (
+                            one
+                            if sample == 0
+                            else two
+                            if sample == 1
+                            else three
+                            if sample == 2
+                            else four
+                        )
+                        is_known = (
+                            (sample > 0 and face == one)
+                            or (sample > 1 and face == two)
+                            or (sample > 2 and face == three)
+                        )
+                        if face < 0 or is_known:
+                            continue
+                        which = np.uint32(face)
+                        count = (
+                            np.int32(one == face)
+                            + np.int32(two == face)
+                            + np.int32(three == face)
+                            + np.int32(four == face)
+                        )
+                        lane = WIDE * sample + place
+                        x, y, z = block[lane], block[LANES + lane], block[2 * LANES + lane]
+                        r, g, b = _look(x, y, z, faces.planes, which)
+                        if faces.textures[which] >= 0:
+                            part = textures.places[faces.textures[which]]
+                            r, g, b = _texel(r, g, b, part, textures.texels, linear)
+                        share = _PART * np.float32(2 * count if is_one else count)
+                        red += share * r
+                        green += share * g
+                        blue += share * b
+                        covered += share
+                layer[row, 4 * column] = red
+                layer[row, 4 * column + 1] = green
+                layer[row, 4 * column + 2] = blue
+                layer[row, 4 * column + 3] = covered
+                spans[row, 0] = min(spans[row, 0], column)
+                spans[row, 1] = max(spans[row, 1], column + 1)
+            for lane in range(LANES):
+                block[FRONT + lane] = _ZERO
+                block[FRONT_FACE + lane] = -_ONE
+
+
+@borrowing
+def _count(
+    one: int, two: int, three: int, four: int, owners: Integers, seen: npt.NDArray[np.int64]
+) -> tuple[int, bool]:
+    """Count the samples of a pixel that see faces, -1 for none.
+
+    Return the body with at least two, the higher of two, -1 if none has; and whether all are of it.
+    """
+    first = owners[np.uint32(one)] if one >= 0 else -1
+    second = owners[np.uint32(two)] if two >= 0 else -1
+    third = owners[np.uint32(three)] if three >= 0 else -1
+    last = owners[np.uint32(four)] if four >= 0 else -1
+    for owner in (first, second, third, last):
+        if owner >= 0:
+            seen[np.uint32(owner)] += 1
+    best = -1
+    if first in (second, third, last):
+        best = first
+    if second in (third, last):
+        best = max(best, second)
+    if third == last:
+        best = max(best, third)
+    return best, first == second and first == third and first == last
+
+
+@borrowing
+def _look(
+    x: np.float32, y: np.float32, z: np.float32, planes: Floats, face: int
+) -> tuple[np.float32, np.float32, np.float32]:
+    """Return red, green and blue along a ray to a face; or brightness and place in the texture."""
+    own = planes[face]
+    range_m = _ONE / (x * own[9] + y * own[10] + z * own[11])
+    return (
+        (x * own[12] + y * own[13] + z * own[14]) * range_m,
+        (x * own[15] + y * own[16] + z * own[17]) * range_m,
+        (x * own[18] + y * own[19] + z * own[20]) * range_m,
+    )
+
+
+@borrowing
+def _texel(
+    bright: np.float32,
+    across: np.float32,
+    along: np.float32,
+    place: npt.NDArray[np.int64],
+    texels: npt.NDArray[np.uint8],
+    linear: Floats,
+) -> tuple[np.float32, np.float32, np.float32]:
+    """Return the light that comes from a place in a texture, see `Textures`."""
+    height, width = place[1], place[2]
+    across, along = across - np.floor(across), along - np.floor(along)
+    column = min(int(across * width), width - 1)
+    row = min(int((_ONE - along) * height), height - 1)
+    first = place[0] + 3 * (row * width + column)
+    return (
+        bright * linear[texels[first]],
+        bright * linear[texels[first + 1]],
+        bright * linear[texels[first + 2]],
+    )
+
+
+@borrowing
+def darken(
+    rays: Floats,
+    window: Integers,
+    camera: Floats,
+    map_from_camera: Floats,
+    box: Floats,
+    real: Floats,
+    strength: np.float32,
+    shadow: Floats,
+    spans: Integers,
+) -> None:
+    """Lower the share (H, W) of the light that reaches the floor near a body.
+
+    `rays` (3, H, W) are those of pixels, `camera` (3,) the camera's place, `map_from_camera` (3, 3)
+    its rotation, `box` (7,) the body's x, y, the height of its ground, cosine and sine of its yaw,
+    and half its length and width. `window` is in pixels; `spans` (H, 2) are widened by the columns
+    of each row that are darker. Where what is really there is no floor, nothing changes.
+    """
+    left, right = window[0], window[2]
+    drop = box[2] - camera[2]
+    cosine, sine = box[3], box[4]
+    dx, dy = camera[0] - box[0], camera[1] - box[1]
+    per_x, per_y, narrow = _ONE / box[5], _ONE / box[6], min(box[5], box[6])
+    ex, ey, ez = map_from_camera[0, 0], map_from_camera[0, 1], map_from_camera[0, 2]
+    nx, ny, nz = map_from_camera[1, 0], map_from_camera[1, 1], map_from_camera[1, 2]
+    ux, uy, uz = map_from_camera[2, 0], map_from_camera[2, 1], map_from_camera[2, 2]
+    for row in range(window[1], window[3]):
+        xs, ys, zs = rays[0, row, left:right], rays[1, row, left:right], rays[2, row, left:right]
+        there, kept = real[row, left:right], shadow[row, left:right]
+        # Without branches: so the compiler uses the vector units.
+        for column in range(kept.size):
+            x, y, z = xs[column], ys[column], zs[column]
+            slope = x * ux + y * uy + z * uz
+            goes_down = slope < np.float32(-1e-3)
+            per_slope = _ONE / (slope if goes_down else -_ONE)
+            t = drop * per_slope
+            is_floor = goes_down & (t > _ZERO) & (there[column] - FLOOR_M * per_slope >= t)
+            px = dx + t * (x * ex + y * ey + z * ez)
+            py = dy + t * (x * nx + y * ny + z * nz)
+            along, across = (cosine * px + sine * py) * per_x, (cosine * py - sine * px) * per_y
+            away_m = (np.sqrt(along * along + across * across) - np.float32(0.75)) * narrow
+            away_m = max(_ZERO, away_m)
+            near, wide = _fading(away_m / _NEAR_M), _fading(away_m / _WIDE_M)
+            dark = strength * (np.float32(0.6) * near + np.float32(0.4) * wide)
+            light = _ONE - (dark if is_floor else _ZERO)
+            kept[column] = min(kept[column], light)
+        first, end = 0, kept.size
+        while first < end and kept[first] == _ONE:
+            first += 1
+        while end > first and kept[end - 1] == _ONE:
+            end -= 1
+        if first < end:
+            spans[row, 0] = min(spans[row, 0], left + first)
+            spans[row, 1] = max(spans[row, 1], left + end)
+
+
+@borrowing
+def _fading(share: np.float32) -> np.float32:
+    """Return about exp(-4 share^2), and 0 from 1 on."""
+    left = _ONE - share * share
+    left = max(_ZERO, left)
+    left *= left
+    return left * left
