@@ -60,6 +60,7 @@ from are_ros.draw.robot import (
     draw_robot_path,
     draw_view,
     fan_at,
+    other_fans,
     robot_outline,
     spread_indices,
     telling_indices,
@@ -247,8 +248,9 @@ def _draw_fields_of_view(sheet: Sheet, record: SceneRecord, walls: VoxelField) -
     """Tint what was ever in view; draw a few fields of view, which are returned."""
 
     def fans(indices: Sequence[int]) -> list[Fan]:
-        found = (fan_at(record, walls, index) for index in indices)
-        return [fan for fan in found if fan is not None]
+        found = [fan for index in indices if (fan := fan_at(record, walls, index)) is not None]
+        stamps = record.camera.stamps_ns[list(indices)].tolist()
+        return found + [fan for stamp in stamps for fan in other_fans(record, walls, stamp)]
 
     draw_ever_seen(sheet.canvas, sheet.view, fans(spread_indices(record, _SWEPT_FANS)))
     shown = fans(telling_indices(record, _SHOWN_FANS))
@@ -365,7 +367,7 @@ def _legends(
     rest = [*_artefact_entries(record), *_event_entries(record)]
     if has_following:
         rest.append(Entry("following", dashed_sign(GREY, 1.8, FOLLOWING_PATTERN_PX)))
-    if len(record.camera):
+    if record.has_cameras:
         rest.append(Entry("field of view", patch_sign(SEEN, 0.42)))
         rest.append(Entry("in view at some time", patch_sign(SEEN, 0.17)))
     behaviours = behaviour_counts([behaviour_of(life) for life in record.lives])
