@@ -35,7 +35,7 @@ from are_ros.draw.palette import (
     class_colours,
     mixed,
 )
-from are_ros.draw.robot import draw_robot, draw_view, fan_at, walls_of
+from are_ros.draw.robot import Fan, draw_robot, draw_view, fan_at, other_fans, walls_of
 from are_ros.draw.scene import Life, SceneRecord
 from are_ros.draw.sheet import (
     Entry,
@@ -333,9 +333,10 @@ class Frames:
 
     def _draw_field_of_view(self, canvas: Canvas, stamp_ns: int) -> None:
         stamps = self._record.camera.stamps_ns
-        index = int(np.searchsorted(stamps, stamp_ns))
+        index, fans = int(np.searchsorted(stamps, stamp_ns)), list[Fan | None]()
         if index < len(stamps) and int(stamps[index]) == stamp_ns:
-            fan = fan_at(self._record, self._walls, index)
+            fans.append(fan_at(self._record, self._walls, index))
+        for fan in (*fans, *other_fans(self._record, self._walls, stamp_ns)):
             if fan is not None:
                 draw_view(canvas, self.view, fan, SEEN, _FAN_ALPHA)
 
@@ -416,7 +417,7 @@ class Frames:
                 Entry("real robot", robot_sign(ROBOT)),
                 Entry("its path", line_sign(_PATH_COLOUR, 2.0)),
             ]
-        if len(self._record.camera):
+        if self._record.has_cameras:
             header.append(Entry("field of view", patch_sign(SEEN, 0.25)))
         names = sorted({life.row.class_name for life in self._record.lives})
         footer = [Entry(name, patch_sign(self._colours[name])) for name in names]

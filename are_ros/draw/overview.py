@@ -50,6 +50,7 @@ from are_ros.draw.robot import (
     draw_robot,
     draw_robot_path,
     fan_at,
+    other_fans,
     spread_indices,
     time_fractions,
     walls_of,
@@ -134,9 +135,12 @@ def _extent_m(record: SceneRecord, lives: Sequence[Life]) -> Floats:
 
 
 def _draw_ever_seen(sheet: Sheet, record: SceneRecord, walls: VoxelField) -> None:
-    """Tint what was ever in view."""
-    found = (fan_at(record, walls, index) for index in spread_indices(record, _SWEPT_FANS))
-    draw_ever_seen(sheet.canvas, sheet.view, [fan for fan in found if fan is not None])
+    """Tint what was ever in view of a camera."""
+    indices = spread_indices(record, _SWEPT_FANS)
+    found = [fan for index in indices if (fan := fan_at(record, walls, index)) is not None]
+    stamps = record.camera.stamps_ns[list(indices)].tolist()
+    found += [fan for stamp in stamps for fan in other_fans(record, walls, stamp)]
+    draw_ever_seen(sheet.canvas, sheet.view, found)
 
 
 def _draw_artefacts(
@@ -202,7 +206,7 @@ def _legends(
 ) -> list[list[Entry]]:
     """Return the entries for classes, behaviours, and what else there is to see."""
     rest = [*_artefact_entries(record, end_ns), *_event_entries(record)]
-    if len(record.camera):
+    if record.has_cameras:
         rest.append(Entry("in view at some time", patch_sign(SEEN, 0.17)))
     return [class_entries(record.lives, colours), behaviour_entries(record.lives, marks), rest]
 

@@ -84,16 +84,34 @@ def fan_at(record: SceneRecord, walls: VoxelField, index: int) -> Fan | None:
     """Return the fan of one camera pose of the record, None if it does not look sideways."""
     pose, stamp_ns = record.camera.poses[index], int(record.camera.stamps_ns[index])
     camera = record.views[int(record.view_of_pose[index])]
-    map_from_camera = RigidTransform(pose[:3], pose[3:])
-    count = min(_RAYS, camera.width)
+    return _fan(record, walls, stamp_ns, camera, RigidTransform(pose[:3], pose[3:]))
+
+
+def other_fans(record: SceneRecord, walls: VoxelField, stamp_ns: int) -> list[Fan]:
+    """Return the fans of the other cameras at a tick, of those that look sideways."""
+    found = (
+        _fan(record, walls, stamp_ns, other.view, other.map_from_camera)
+        for other in record.others.get(stamp_ns, ())
+    )
+    return [fan for fan in found if fan is not None]
+
+
+def _fan(
+    record: SceneRecord,
+    walls: VoxelField,
+    stamp_ns: int,
+    camera: ViewModel,
+    map_from_camera: RigidTransform,
+) -> Fan | None:
+    count, here_m = min(_RAYS, camera.width), map_from_camera.translation_m
     rays, reach_m = level_sight(camera, map_from_camera, walls, record.max_range_m, count)
     if len(rays) < 2:
         return None
-    hiding = [life for life in record.lives if _may_hide(life, stamp_ns, pose[2])]
-    reach_m = np.minimum(reach_m, _far_sides(hiding, stamp_ns, pose[:2], rays))
-    outline = pose[:2] + rays * reach_m[:, np.newaxis]
+    hiding = [life for life in record.lives if _may_hide(life, stamp_ns, float(here_m[2]))]
+    reach_m = np.minimum(reach_m, _far_sides(hiding, stamp_ns, here_m[:2], rays))
+    outline = here_m[:2] + rays * reach_m[:, np.newaxis]
     is_closed = _spread_rad(rays) > _ALL_AROUND_RAD
-    return Fan(stamp_ns, outline if is_closed else np.vstack((pose[:2], outline)))
+    return Fan(stamp_ns, outline if is_closed else np.vstack((here_m[:2], outline)))
 
 
 def spread_indices(record: SceneRecord, count: int) -> list[int]:

@@ -74,11 +74,20 @@ class ArtefactAt(NamedTuple):
     arrival_ns: int
 
 
+class CameraAt(NamedTuple):
+    """Another camera than the first at a tick; `number` counts those of `camera.others` from 1."""
+
+    number: int
+    view: ViewModel
+    map_from_camera: RigidTransform
+
+
 @dataclass(frozen=True, eq=False)
 class Moment:
     """A tick as pictures need it; `perceived` are ids, a pose is None where it is not known.
 
     `events` are those since the tick before. `scans` has the newest scan of each laser since then.
+    `map_from_camera` is the pose of the first camera; `others` are all others whose pose is known.
     """
 
     stamp_ns: int
@@ -89,6 +98,7 @@ class Moment:
     events: Sequence[ArtefactEvent] = ()
     metrics: SceneMetrics | None = None
     scans: Sequence[ScanPoints] = ()
+    others: Sequence[CameraAt] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,7 +224,8 @@ class Life:
 class TickSeries:
     """One number per tick: how many lived, how many were perceived, nu of Eq. 4, and the stamps.
 
-    Arrays int64 or float64 (ticks,), read-only; `blind_ticks` counts those without a camera pose.
+    Arrays int64 or float64 (ticks,), read-only; `blind_ticks` counts those at which no camera's
+    pose was known.
     """
 
     stamps_ns: Stamps
@@ -239,7 +250,7 @@ class SceneRecord:
 
     `metrics` are those of the last tick, None without ticks; `lives` are in the order of ids.
     `base` has the same poses as `robot`, in 3D; `scans` has those of the ticks that the viewer
-    shows, by stamp.
+    shows, by stamp. `camera` is the first one; `others` are those of each tick, by stamp.
     """
 
     seed: int
@@ -255,6 +266,12 @@ class SceneRecord:
     metrics: SceneMetrics | None
     base: Track = field(default_factory=_nowhere)
     scans: Mapping[int, Sequence[ScanPoints]] = field(default_factory=dict)
+    others: Mapping[int, Sequence[CameraAt]] = field(default_factory=dict)
+
+    @property
+    def has_cameras(self) -> bool:
+        """Whether the pose of any camera was ever known."""
+        return bool(len(self.camera) or self.others)
 
     def moments(self, every: int = 1) -> Iterator[Moment]:
         """Yield every `every`-th tick from the first on, without events and metrics."""
@@ -273,6 +290,7 @@ class SceneRecord:
             self.base.transform_at(stamp_ns),
             self.camera.transform_at(stamp_ns),
             scans=self.scans.get(stamp_ns, ()),
+            others=self.others.get(stamp_ns, ()),
         )
 
     @property

@@ -212,8 +212,8 @@ class ViewedScene:
         self._bodies = ArtefactBodies(place.catalogue)
         self._artefacts: dict[int, _Drawn] = {}
         self._robot: _Node | None = None
-        self._camera: _Node | None = None
-        self._fan: _Node | None = None
+        self._frustums: dict[int, _Node] = {}
+        self._fans: dict[int, _Node] = {}
         self._scans: dict[str, _Node] = {}
         self._ways: dict[str, Any] = {}
         scene.configure_default_lights(enabled=True, cast_shadow=True)
@@ -228,7 +228,7 @@ class ViewedScene:
     def show(self, tick: Moment, *, with_scans: bool = True) -> None:
         """Show a tick."""
         self._show_robot(tick.map_from_base)
-        self._show_camera(tick.map_from_camera)
+        self._show_cameras(tick)
         there = {one.artefact_id for one in tick.artefacts}
         for gone in self._artefacts.keys() - there:
             self._artefacts.pop(gone).remove()
@@ -353,21 +353,23 @@ class ViewedScene:
         )
         return root
 
-    def _show_camera(self, map_from_camera: RigidTransform | None) -> None:
-        camera = self._place.camera
-        if camera is None or map_from_camera is None:
-            for node in (self._camera, self._fan):
-                if node is not None:
-                    node.set(visible=False)
-            return
-        if self._camera is None and (frustum := self._drawn_frustum(camera)):
-            self._camera = _Node(frustum)
-        if self._camera is not None:
-            self._camera.place(map_from_camera)
-        self._show_fan(camera, map_from_camera)
+    def _show_cameras(self, tick: Moment) -> None:
+        """Show all cameras whose poses are known; the first has the number 0."""
+        shown = {other.number: (other.view, other.map_from_camera) for other in tick.others}
+        if self._place.camera is not None and tick.map_from_camera is not None:
+            shown[0] = self._place.camera, tick.map_from_camera
+        for nodes in (self._frustums, self._fans):
+            for number in nodes.keys() - shown.keys():
+                nodes[number].set(visible=False)
+        for number, (view, map_from_camera) in sorted(shown.items()):
+            if number not in self._frustums and (frustum := self._drawn_frustum(number, view)):
+                self._frustums[number] = _Node(frustum)
+            if number in self._frustums:
+                self._frustums[number].place(map_from_camera)
+            self._show_fan(number, view, map_from_camera)
 
-    def _drawn_frustum(self, camera: ViewModel) -> Any:
-        """Draw the camera's frustum; None where it has none, as a camera that looks all around."""
+    def _drawn_frustum(self, number: int, camera: ViewModel) -> Any:
+        """Draw a camera's frustum; None where it has none, as a camera that looks all around."""
         rays = camera.directions()
         row, column = rays[camera.height // 2], rays[:, camera.width // 2]
         edges = np.stack((row[0], row[-1], column[0], column[-1])).astype(np.float64)
@@ -377,7 +379,7 @@ class ViewedScene:
         tan_x = 0.5 * float(slopes[1, 0] - slopes[0, 0])
         tan_y = 0.5 * float(slopes[3, 1] - slopes[2, 1])
         return self._scene.add_camera_frustum(
-            "/camera/frustum",
+            _of_camera("/camera/frustum", number),
             2.0 * math.atan(tan_y),
             tan_x / tan_y,
             scale=0.35,
@@ -386,23 +388,23 @@ class ViewedScene:
             cast_shadow=False,
         )
 
-    def _show_fan(self, camera: ViewModel, map_from_camera: RigidTransform) -> None:
+    def _show_fan(self, number: int, camera: ViewModel, map_from_camera: RigidTransform) -> None:
         """Show on the ground how far the image's middle row sees, up to the walls."""
         far_m = self._place.max_range_m
         rays, reach_m = level_sight(camera, map_from_camera, self._field, far_m, _FAN_RAYS)
         if len(rays) < _FAN_RAYS:
-            if self._fan is not None:
-                self._fan.set(visible=False)
+            if number in self._fans:
+                self._fans[number].set(visible=False)
             return
         start_m = map_from_camera.translation_m[:2]
         ends_m = np.vstack((start_m, start_m + rays * reach_m[:, np.newaxis]))
         heights_m = np.full(len(ends_m), self._place.ground_m + _FAN_LIFT_M)
         vertices = np.round(np.column_stack((ends_m, heights_m)), 2).astype(np.float32)
-        if self._fan is None:
+        if number not in self._fans:
             ends = np.arange(1, len(rays))
-            self._fan = _Node(
+            self._fans[number] = _Node(
                 self._scene.add_mesh_simple(
-                    "/camera/fan",
+                    _of_camera("/camera/fan", number),
                     vertices,
                     np.column_stack((np.zeros_like(ends), ends + 1, ends)),
                     color=SEEN,
@@ -412,8 +414,8 @@ class ViewedScene:
                     receive_shadow=False,
                 )
             )
-        self._fan.handle.vertices = vertices
-        self._fan.set(visible=True)
+        self._fans[number].handle.vertices = vertices
+        self._fans[number].set(visible=True)
 
     def _show_artefact(self, one: ArtefactAt, *, is_perceived: bool) -> None:
         drawn = self._artefacts.get(one.artefact_id)
@@ -471,6 +473,11 @@ class ViewedScene:
             )
         node.handle.points = near
         node.set(position=_rounded(middle), visible=True)
+
+
+def _of_camera(name: str, number: int) -> str:
+    """Return the name of a node of one of several cameras."""
+    return f"{name}_{number}" if number else name
 
 
 class _Node:

@@ -24,6 +24,7 @@ from are_ros.draw.viewer import (
     wxyz_of,
 )
 from are_ros.errors import AreError, NodeError
+from are_ros.messages.feed import OTHER_CAMERA
 from are_ros.messages.sensors import sensor_outputs
 from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.node.message_classes import RclpyFactory, message_class, service_class
@@ -33,7 +34,7 @@ from are_ros.parameters.declaration import Description, describe, value_at, with
 from are_ros.parameters.model import Parameters
 from are_ros.record.session import ros_session
 from are_ros.replay.pictures import place_of
-from are_ros.replay.recorded_scene import AUGMENTED_SCAN, SceneReader
+from are_ros.replay.recorded_scene import AUGMENTED_SCAN, SceneReader, other_camera_roles
 from are_ros.world.cameras import Camera
 
 Say = Callable[[str], None]
@@ -181,6 +182,9 @@ class LiveView:
         topics = [*((role, remote.topic(role)) for role in _INPUTS), *(("scan", t) for t in scans)]
         for role, topic in (("tf", "/tf"), ("tf_static", "/tf_static"), *topics):
             subscribe(node, role, self._callback(role, INPUTS[role].type_name), topic)
+        for topic, role in other_camera_roles(self._parameters).items():
+            callback = self._callback(role, INPUTS[OTHER_CAMERA].type_name)
+            subscribe(node, OTHER_CAMERA, callback, remote.topic(topic))
         outputs = {name: (name, OUTPUTS[name].type_name) for name in ("artefacts", "perceived")}
         for name in sensor_outputs(dict.fromkeys(scans, "scan")).values():
             outputs[name] = (AUGMENTED_SCAN, INPUTS["scan"].type_name)

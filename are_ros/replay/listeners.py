@@ -13,7 +13,7 @@ from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.builder.sensors.sensor_path import ReleasedReading
 from are_ros.builder.tick import USUAL, Demand, Tick
-from are_ros.draw.scene import ScanPoints, scan_points
+from are_ros.draw.scene import CameraAt, ScanPoints, scan_points
 from are_ros.errors import AreError
 from are_ros.messages.common import MessageFactory
 from are_ros.messages.maps import Points, make_cloud, make_grid
@@ -157,7 +157,18 @@ class RecordKeeper(Listener):
         if self._recorder.wants_scans:
             scans = [*filter(None, map(self._placed, self._scans.values()))]
             self._scans.clear()
-        self._recorder.add(tick, self._builder.camera, scans)
+        self._recorder.add(tick, self._builder.camera, scans, self._others(tick.stamp_ns))
+
+    def _others(self, stamp_ns: int) -> list[CameraAt]:
+        """Return the cameras after the first whose pose is known."""
+        if not self._builder.demand.perception:
+            return []
+        found = []
+        for number, camera in enumerate(self._builder.cameras):
+            pose = self._builder.robots.map_from_camera(camera, stamp_ns) if camera else None
+            if number and camera is not None and pose is not None:
+                found.append(CameraAt(number, camera.view, pose))
+        return found
 
     def take_readings(self, readings: Sequence[ReleasedReading]) -> None:
         """Remember laser scans until the next tick that is shown."""

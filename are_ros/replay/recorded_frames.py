@@ -9,6 +9,7 @@ from are_ros.builder.assembly import (
     robot_tracker,
     set_static_frames,
 )
+from are_ros.draw.scene import CameraAt
 from are_ros.errors import FrameError
 from are_ros.messages.camera_info import read_camera_info
 from are_ros.messages.common import read_header
@@ -73,17 +74,24 @@ class RecordedRobot(RecordedFrames):
         self._tracker = robot_tracker(parameters, self.tree)
         is_awaited = has_camera_info and parameters.camera.model is CameraModel.AUTO
         self.camera: Camera | None = None if is_awaited else default_camera(parameters)
+        self._others: dict[int, Camera] = {}
 
     def base_frame(self) -> str:
         """Return the robot's base: that of the parameters, else base_footprint or base_link."""
         return self._tracker.base_frame()
 
-    def take_camera(self, message: Any) -> None:
-        """Take a CameraInfo. Raises InputError where it describes no camera."""
+    def take_camera(self, message: Any, number: int = 0) -> None:
+        """Take a CameraInfo of the first camera, or of that number of `camera.others` (from 1).
+
+        Raises InputError where it describes no camera.
+        """
         view = read_camera_info(message).view(rectified=self._parameters.camera.rectified)
         frame_id = read_header(message, "camera_info").frame_id
         received = Camera(view, frame_id, RigidTransform.identity())
-        self.camera = chosen_camera(self._parameters, received)
+        if number:
+            self._others[number] = received
+        else:
+            self.camera = chosen_camera(self._parameters, received)
 
     @property
     def missing(self) -> str:
@@ -95,3 +103,12 @@ class RecordedRobot(RecordedFrames):
         pose = self._tracker.pose(now_ns)
         camera = self._tracker.map_from_camera(self.camera, now_ns) if self.camera else None
         return (pose.map_from_base if pose else None), camera
+
+    def others(self, now_ns: int) -> list[CameraAt]:
+        """Return the cameras after the first as of a tick, those whose pose is known."""
+        found = []
+        for number, camera in sorted(self._others.items()):
+            pose = self._tracker.map_from_camera(camera, now_ns)
+            if pose is not None:
+                found.append(CameraAt(number, camera.view, pose))
+        return found

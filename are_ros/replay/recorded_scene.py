@@ -12,7 +12,7 @@ import numpy as np
 from are_ros.agents.events import ArtefactEvent, EventKind, SceneMetrics
 from are_ros.bag.decoded import Event, Grid, Metrics, Odometry, Perceived, Scan, Scene, Transforms
 from are_ros.bag.recording import PREFIX, Recording, find_recording
-from are_ros.bag.roles import find_roles
+from are_ros.bag.roles import find_roles, slashed
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.draw.scene import ArtefactAt, Moment, ScanPoints, SceneRecord, scan_points
 from are_ros.errors import AreError, BagError, InputError
@@ -43,6 +43,8 @@ CLOUD: Final = "octomap_point_cloud_centers"
 _ROLES: Final = ("tf", "tf_static", "odom", "camera/camera_info", "map")
 _OUTPUTS: Final = ("artefacts", "perceived", "events", "metrics")
 _AUGMENTED: Final = "augmented_map"
+_OTHER_CAMERA: Final = "other_camera_info/"
+"""The roles of other cameras begin so, and end with their numbers."""
 _SCAN_TYPE: Final = "sensor_msgs/msg/LaserScan"
 _WAITING_TICKS: Final = 20
 """The messages of a tick come in any order, but not later than this."""
@@ -87,7 +89,8 @@ def read_recorded_scene(
         parameters = with_file(parameters, found.parameters)
     recorder = SceneRecorder.of(parameters, Catalogue(()))
     with Recording(found) as recording:
-        roles = _topics(recording, with_scans=with_scans, with_voxels=with_voxels)
+        cameras = {slashed(name): role for name, role in other_camera_roles(parameters).items()}
+        roles = _topics(recording, cameras, with_scans=with_scans, with_voxels=with_voxels)
         has_camera_info = "camera/camera_info" in roles.values()
         reader = SceneReader(parameters, recorder.keep, has_camera_info=has_camera_info)
         start_ns, end_ns = recording.span_ns
@@ -108,10 +111,18 @@ def read_recorded_scene(
     return RecordedScene(record, grid, parameters, problem, voxels, reader.cloud_problem)
 
 
-def _topics(recording: Recording, *, with_scans: bool, with_voxels: bool) -> dict[str, str]:
-    """Return the role of each topic that is read."""
+def other_camera_roles(parameters: Parameters) -> dict[str, str]:
+    """Return the role, for a `SceneReader`, of each topic of `camera.others`."""
+    topics = enumerate(parameters.camera.others, 1)
+    return {topic: f"{_OTHER_CAMERA}{number}" for number, topic in topics}
+
+
+def _topics(
+    recording: Recording, cameras: Mapping[str, str], *, with_scans: bool, with_voxels: bool
+) -> dict[str, str]:
+    """Return the role of each topic that is read; `cameras` are those of other cameras."""
     types = recording.types
-    roles = find_roles(recording.topics, {})
+    roles = find_roles([topic for topic in recording.topics if topic.name not in cameras], {})
     found = roles.by_topic((*_ROLES, *([CLOUD] if with_voxels else [])))
     chosen = {topic: role for topic, role in found.items() if PREFIX not in topic}
     if with_scans:
@@ -119,6 +130,7 @@ def _topics(recording: Recording, *, with_scans: bool, with_voxels: bool) -> dic
             if type_name == _SCAN_TYPE:
                 chosen[topic] = AUGMENTED_SCAN if topic.startswith(PREFIX) else SCAN
     outputs = [*_OUTPUTS, *([] if "map" in chosen.values() else [_AUGMENTED])]
+    chosen |= {topic: role for topic, role in cameras.items() if topic in types}
     return chosen | {PREFIX + name: name for name in outputs if PREFIX + name in types}
 
 
@@ -160,7 +172,12 @@ class SceneReader:
             CLOUD: self._take_cloud,
             SCAN: self._scans.take_input,
             AUGMENTED_SCAN: self._scans.take_output,
+            **{role: self._other_camera(role) for role in other_camera_roles(parameters).values()},
         }
+
+    def _other_camera(self, role: str) -> Callable[[Any], None]:
+        number = int(role.removeprefix(_OTHER_CAMERA))
+        return lambda image: self._robot.take_camera(image.message, number)
 
     @property
     def camera(self) -> ViewModel | None:
@@ -202,7 +219,8 @@ class SceneReader:
     def _take_artefacts(self, scene: Scene) -> None:
         artefacts = [self._artefact(scene, i) for i in range(len(scene.ids))]
         poses, scans = self._robot.poses(scene.stamp_ns), self._scans.take(self._robot.tree)
-        moment = Moment(scene.stamp_ns, artefacts, frozenset(), *poses, scans=scans)
+        others = self._robot.others(scene.stamp_ns)
+        moment = Moment(scene.stamp_ns, artefacts, frozenset(), *poses, scans=scans, others=others)
         self._waiting.append((moment, self._robot.camera))
         self._give()
 

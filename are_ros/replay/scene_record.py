@@ -12,6 +12,7 @@ from are_ros.builder.assembly import robot_footprint
 from are_ros.builder.tick import Tick
 from are_ros.draw.scene import (
     ArtefactAt,
+    CameraAt,
     Doing,
     Life,
     Moment,
@@ -127,6 +128,7 @@ class SceneRecorder:
         self._metrics: SceneMetrics | None = None
         self._scans: dict[int, Sequence[ScanPoints]] = {}
         self._scans_every = 1
+        self._others: dict[int, Sequence[CameraAt]] = {}
         self._present: set[int] = set()
 
     @classmethod
@@ -147,8 +149,14 @@ class SceneRecorder:
         """Whether the viewer shows the next tick, as far as is known."""
         return len(self._clutter) % self._scans_every == 0
 
-    def add(self, tick: Tick, camera: Camera | None, scans: Sequence[ScanPoints] = ()) -> None:
-        """Take a tick, and the camera that it looked through (None: none is known)."""
+    def add(
+        self,
+        tick: Tick,
+        camera: Camera | None,
+        scans: Sequence[ScanPoints] = (),
+        others: Sequence[CameraAt] = (),
+    ) -> None:
+        """Take a tick, the first camera (None: it is not known), and the others."""
         artefacts = [
             ArtefactAt(one.id, one.row, pose, behaviour, activity, one.arrival_ns)
             for one, pose, (_, behaviour, activity, _) in zip(
@@ -164,6 +172,7 @@ class SceneRecorder:
             tick.events,
             tick.metrics,
             scans,
+            others,
         )
         self.keep(moment, camera)
 
@@ -209,6 +218,7 @@ class SceneRecorder:
             metrics=self._metrics,
             base=self._base.track(),
             scans=dict(self._scans),
+            others=dict(self._others),
         )
 
     def _thin_scans(self) -> None:
@@ -252,8 +262,10 @@ class SceneRecorder:
 
     def _add_camera(self, moment: Moment, camera: Camera | None) -> None:
         pose = moment.map_from_camera
+        if moment.others:
+            self._others[moment.stamp_ns] = moment.others
         if pose is None:
-            self._blind_ticks += self._is_perceiving
+            self._blind_ticks += self._is_perceiving and not moment.others
         elif camera is not None:
             if not self._views or self._views[-1] != camera.view:
                 self._views.append(camera.view)

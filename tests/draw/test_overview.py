@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -12,8 +13,8 @@ import pytest
 from are_ros.agents.events import SceneMetrics
 from are_ros.draw.map import known_part, shaded, window_of, with_furniture
 from are_ros.draw.overview import draw_overview, subtitle_of
-from are_ros.draw.robot import fan_at, level_sight, spread_indices, walls_of
-from are_ros.draw.scene import Life, SceneRecord, TickSeries, Track
+from are_ros.draw.robot import fan_at, level_sight, other_fans, spread_indices, walls_of
+from are_ros.draw.scene import CameraAt, Life, SceneRecord, TickSeries, Track
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.meshes.shapes import Shape
 from are_ros.world.cameras import OmnidirectionalView, PinholeView, ViewModel, mounted_camera
@@ -81,6 +82,22 @@ def _drawn(record: SceneRecord, grid: OccupancyGrid, path: Path) -> Image:
 
 def _count(image: Image, bgr: tuple[int, int, int]) -> int:
     return int((image == bgr).all(axis=2).sum())
+
+
+def test_all_cameras_are_drawn(tmp_path: Path) -> None:
+    """One that looks back is in the picture, and its field of view ends behind the robot."""
+    record = _record((), ((2.5, 2.5, 0.0),))
+    camera = mounted_camera(PINHOLE, (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)).base_from_optical
+    backward = CameraAt(1, PINHOLE, RigidTransform.planar(2.5, 2.5, math.pi) @ camera)
+    both = replace(record, others={10**9: (backward,)})
+    (fan,) = other_fans(both, walls_of(_room(), 65), 10**9)
+    assert fan.outline_m[1:, 0].max() < 2.5
+    assert other_fans(record, walls_of(_room(), 65), 10**9) == []
+    one, two = (_drawn(each, _room(), tmp_path / "a.png") for each in (record, both))
+    assert (one != two).any(axis=2).sum() > 10_000
+    alone = replace(both, camera=Track(np.zeros(0, np.int64), np.zeros((0, 7))))
+    assert alone.has_cameras
+    _drawn(alone, _room(), tmp_path / "b.png")
 
 
 WAY = ((0.5, 0.5, 0.0), (1.5, 0.5, 0.3), (2.5, 1.5, 1.0))

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,15 @@ from numpy.typing import NDArray
 from are_ros.conventions import NS_PER_S
 from are_ros.draw import viewer
 from are_ros.draw.palette import ROBOT, class_colours
-from are_ros.draw.scene import MOST_TICKS, ArtefactAt, Moment, ScanPoints, SceneRecord, shown_every
+from are_ros.draw.scene import (
+    MOST_TICKS,
+    ArtefactAt,
+    CameraAt,
+    Moment,
+    ScanPoints,
+    SceneRecord,
+    shown_every,
+)
 from are_ros.draw.viewer import (
     ViewedPlace,
     write_view,
@@ -249,3 +258,24 @@ def test_labels_number_artefacts_as_the_pictures_do() -> None:
     scripted, by_chance = artefact(10**9 + 3, "person", 1.0), artefact(3, "car", 1.0)
     assert viewer._text_of(scripted, is_perceived=True) == "s3 person: walking"
     assert viewer._text_of(by_chance, is_perceived=False) == "3"
+
+
+@needs_viser
+def test_each_camera_has_a_frustum_and_a_field_of_view() -> None:
+    """One whose pose is not known any more is hidden; the first comes and goes as the others."""
+    server = viewer.start_server(0)
+    try:
+        scene = viewer.ViewedScene(server.scene, place())
+        one = tick(0)
+        assert one.map_from_camera is not None
+        other = CameraAt(1, PinholeView.from_field_of_view(32, 24, 1.2), one.map_from_camera)
+        for others, first, shown in (
+            ((other,), one.map_from_camera, {0: True, 1: True}),
+            ((), one.map_from_camera, {0: True, 1: False}),
+            ((other,), None, {0: False, 1: True}),
+        ):
+            scene.show(replace(one, others=others, map_from_camera=first))
+            for nodes in (scene._frustums, scene._fans):
+                assert {i: node.handle.visible for i, node in nodes.items()} == shown
+    finally:
+        viewer.stop_server(server)

@@ -69,3 +69,41 @@ def test_a_camera_that_is_offered_is_waited_for(make_bench: MakeBench) -> None:
     bench.send("tf", robot_at(1000.3))
     bench.tick(1000.3)
     assert not any(UNHEARD in said for said in bench.warnings())
+
+
+FRONT_AND_REAR = (
+    "0 0 0.8 -1.57079633 0 -1.57079633 base_link front_optical",
+    "0 0 0.8 1.57079633 0 -1.57079633 base_link rear_optical",
+)
+TWO_CAMERAS = {
+    "camera.model": "auto",
+    "camera.others": ["rear/camera_info"],
+    "camera.other_rates": [10.0],
+    "frames.static": [*FRONT_AND_REAR],
+}
+
+
+def test_two_cameras_see_before_and_behind(make_bench: MakeBench) -> None:
+    """What either sees is perceived, with its optical frame; of another size, too."""
+    bench = make_bench(TWO_CAMERAS, "configure", "activate")
+    perceived = bench.listen("perceived")
+    bench.clock(1000.0)
+    bench.send("map", room())
+    bench.send("tf", robot_at(1000.0, x=2.0))
+    bench.tick(1000.1)
+    ahead = bench.spawn(pose_at(3.05, 2.05), label="post").id
+    behind = bench.spawn(pose_at(0.95, 2.05), label="post").id
+
+    def seen_at(t_s: float) -> dict[int, list[str]]:
+        bench.send("tf", robot_at(t_s, x=2.0))
+        bench.tick(t_s)
+        return {one.id: list(one.cameras) for one in perceived[-1].artefacts}
+
+    bench.send("camera/camera_info", camera_info(1000.2, frame_id="front_optical"))
+    assert seen_at(1000.2) == {ahead: ["front_optical"]}
+    rear = camera_info(1000.3, 32, 24, "rear_optical")
+    bench.send("other_camera_info", rear, topic="/rear/camera_info")
+    assert seen_at(1000.3) == {ahead: ["front_optical"], behind: ["rear_optical"]}
+    (pixels,) = (one.roi for one in perceived[-1].artefacts if one.id == behind)
+    assert pixels.x_offset + pixels.width <= 32
+    assert bench.warnings() == []

@@ -4,9 +4,12 @@ import copy
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from are_ros.bag.recording import Recording, find_recording
+from are_ros.draw.robot import other_fans, walls_of
+from are_ros.replay.recorded_scene import read_recorded_scene
 from tests.replay.conftest import Records, RunAre, WriteBag
 
 RIGHT = (
@@ -52,8 +55,27 @@ def test_perceived_is_what_either_camera_sees_and_the_check_knows_their_images(
     assert ("right_optical",) in both
     assert len(seen["one"]) > 20
     assert front == seen["one"]
+    _compare_views(tmp_path / "two")
     checked = run_are("check", tmp_path / "two")
     assert checked.returncode == 0, checked.stdout
+
+
+def _compare_views(out: Path) -> None:
+    """Compare what is drawn of a recording with how its cameras are mounted, 1.2 rad apart."""
+    scene = read_recorded_scene(out, lambda *_: lambda _: None)
+    record = scene.record
+    assert len(record.others) > 0.9 * len(record.camera)
+    stamp_ns = next(iter(record.others))
+    (right,) = record.moment(stamp_ns).others
+    front = record.camera.transform_at(stamp_ns)
+    assert front is not None
+    assert right.number == 1
+    assert right.view == record.views[0]
+    looks = [pose.rotation_matrix()[:, 2] for pose in (front, right.map_from_camera)]
+    assert np.cross(looks[0], looks[1])[2] == pytest.approx(-np.sin(1.2), abs=0.01)
+    walls = walls_of(scene.grid, 65)
+    (fan,) = other_fans(record, walls, stamp_ns)
+    assert fan.stamp_ns == stamp_ns
 
 
 def test_a_camera_that_is_not_recorded_is_named(bag: Path, run_are: RunAre, tmp_path: Path) -> None:
