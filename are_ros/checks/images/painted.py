@@ -1,7 +1,7 @@
 """Painted images: where pixels may change, and whether masks and boxes are where artefacts are."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -171,7 +171,7 @@ class _View:
         cosine = math.sqrt(1.0 - (radius_m / away_m) ** 2) - 1e-9
         return np.asarray(self._ways @ (way / away_m) >= cosine)
 
-    def _any(self, parts: Any) -> Bools:
+    def _any(self, parts: Iterable[Bools]) -> Bools:
         found = np.zeros(self.is_known.shape, np.bool_)
         for part in parts:
             found |= part
