@@ -1,7 +1,7 @@
 """Painted images: where pixels may change, and whether masks and boxes are where artefacts are."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -171,7 +171,7 @@ class _View:
         cosine = math.sqrt(1.0 - (radius_m / away_m) ** 2) - 1e-9
         return np.asarray(self._ways @ (way / away_m) >= cosine)
 
-    def _any(self, parts: Any) -> Bools:
+    def _any(self, parts: Iterable[Bools]) -> Bools:
         found = np.zeros(self.is_known.shape, np.bool_)
         for part in parts:
             found |= part
@@ -257,12 +257,19 @@ def _check_scene_boxes(tally: Tally, record: Record) -> None:
     scenes = {scene.stamp_ns: scene for scene in record.scenes}
     for stamp_ns, boxes in record.artefact_boxes:
         scene = scenes.get(stamp_ns)
+        if _is_farewell(record, stamp_ns, boxes):
+            continue
         if scene is None:
             tally.leave_out("message", "without its list of artefacts")
             continue
         tally.look()
         where = f"{at_s(stamp_ns)} the boxes of the artefacts"
         tally.require(_are_of_scene(boxes, scene), f"{where} are not those of the list")
+
+
+def _is_farewell(record: Record, stamp_ns: int, boxes: Any) -> bool:
+    """Tell whether boxes are those of a farewell, which may have the stamp of the last tick."""
+    return not boxes.detections and stamp_ns in record.farewells_ns
 
 
 def _are_of_scene(boxes: Any, scene: Scene) -> bool:
@@ -293,6 +300,8 @@ def _check_perceived_boxes(tally: Tally, record: Record) -> None:
     lists = {message.stamp_ns: message for message in record.perceived}
     for stamp_ns, boxes in record.perceived_boxes:
         message = lists.get(stamp_ns)
+        if _is_farewell(record, stamp_ns, boxes):
+            continue
         if message is None:
             tally.leave_out("message", "without its list of the perceived")
             continue

@@ -277,6 +277,12 @@ def test_boxes_in_the_map_are_those_of_the_lists() -> None:
     record.scenes[0] = as_of(record.scenes[0], STAMP_NS)
     right = check_boxes(record)
     assert (right.outcome, right.looked_at) == (Outcome.PASSED, 4)
+    nobody = encode_boxes_of_scene("map", 1, TruthScene.of([], STAMP_NS))
+    farewell = STAMP_NS, read(nobody, "vision_msgs/msg/Detection3DArray")
+    record.artefact_boxes.append(farewell)
+    assert "are not those of the list" in failure(check_boxes(record))
+    record.farewells_ns.append(STAMP_NS)
+    assert check_boxes(record).outcome is Outcome.PASSED
     artefacts.detections[0].bbox.center.position.x += 0.1
     assert "boxes of the artefacts are not those" in failure(check_boxes(record))
     artefacts.detections[0].bbox.center.position.x -= 0.1
