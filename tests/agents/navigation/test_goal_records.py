@@ -46,8 +46,8 @@ def test_kernels_read_what_was_written() -> None:
         assert spec_at(goal) == spec
         for read, field in zip(values_at(goal), values, strict=True):
             np.testing.assert_array_equal(read, field)
-        for read, field in zip(ground_at(goal), coarse.ground, strict=True):
-            np.testing.assert_array_equal(read, field)
+        for ground, ground_field in zip(ground_at(goal), coarse.ground, strict=True):
+            np.testing.assert_array_equal(ground, ground_field)
 
 
 def test_one_plane_takes_the_place_of_all() -> None:
