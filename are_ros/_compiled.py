@@ -13,9 +13,7 @@ from typing import IO, Any, ClassVar, Final, TypeVar, cast
 
 import numba
 from numba import types
-from numba.core import cgutils
 from numba.core.caching import FunctionCache
-from numba.extending import intrinsic
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -175,16 +173,3 @@ def borrowing(function: _Function) -> _Function:
 def owning(function: _Function) -> _Function:
     """Compile, as `compiled` does, a kernel that makes arrays and that borrowing ones call."""
     return compiled(function, _nrt=True)
-
-
-@intrinsic  # type: ignore[untyped-decorator] # numba is not typed
-def pointer(typing_context: Any, address: Any) -> Any:  # noqa: ARG001 - numba gives the context
-    """Take an address as a pointer, for `numba.carray`: only within kernels.
-
-    Arrays of many sizes then go into a kernel as one array of records, not as an argument each.
-    """
-
-    def lower(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        return builder.inttoptr(args[0], cgutils.voidptr_t)
-
-    return types.voidptr(address), lower

@@ -25,8 +25,7 @@ from are_ros.agents.mdp.coarse_map import CoarseMap
 from are_ros.agents.mdp.model import Problem, Solution, TravelModel, solve, ways_to
 from are_ros.agents.mdp.model import problem_of as process_of
 from are_ros.agents.mdp.value_tables import ValueTables
-from are_ros.agents.navigation.goal_records import GoalSpec, goal_record, goals_of
-from are_ros.agents.navigation.step_kernels import moves_along, prospects_of
+from are_ros.agents.navigation.step_kernels import prospect_of, way_along
 from are_ros.agents.navigation.terrain import Terrain
 from are_ros.agents.neighbours import Neighbourhood
 from are_ros.world.environment import Environment, PlaneGround
@@ -37,7 +36,6 @@ SIDES_AND_HORIZONS = ((200, 50), (64, 20))
 REACHES = ((1,), (3,), (3, 5))
 OUR_CALLS = 10  # short as they are, several to one measurement
 CALLS = 2000
-DECIDE_AT_ONCE = 70  # at 1,000 moving so many are due in a sub-step
 STEPS = ((0, 1), (1, 0), (0, -1), (-1, 0))
 
 
@@ -165,19 +163,14 @@ def decide() -> None:
     poses[0, :2] = x_m, y_m
     cells = Neighbourhood(poses[:, :2]).cells
     crowd = (*cells, poses, poses[:, None, :2] + ((1.0, 0.0), (2.0, 0.0)), np.full(11, 0.3))
-    spec, no_robot = GoalSpec(0.25, goals_m[0], goals_m[0], 0.5, 0.0), (np.zeros((2, 2)), -1.0)
-    values = table.value_arrays
-    goals = goals_of([goal_record(coarse.ground, values, spec)] * DECIDE_AT_ONCE)
-    count, way_m = len(goals), np.empty((len(goals), 128, 2))
-    asked, actions = np.array([(0, 1, 0, 30)] * count), np.array([(0, 3, 3)] * count)
-    kinds, worth = np.empty((count, 2), np.int64), np.empty(count)
-    choice = (crowd, no_robot, asked, goals, np.empty((count, 2, 5)), kinds, worth)
-    here_m, aims_m = np.array([(x_m, y_m, 0.0)] * count), np.empty((count, 2))
-    way = (goals, here_m, actions, way_m, aims_m, np.empty((count, 2), np.int64))
+    ends, no_robot = (0.25, goals_m[0], goals_m[0], 0.5, 0.0), (np.zeros((2, 2)), -1.0)
+    active = (tuple(coarse.ground), tuple(table.value_arrays), ends)
+    choice = (crowd, no_robot, (0, True, 30), False, np.empty((2, 5)), *active)
+    way = (*active, (x_m, y_m, 0.0), (0, 3), np.empty((128, 2)))
     calls: dict[str, Callable[[], object]] = {
         "values of a known goal": functools.partial(tables.value, coarse, model, goals_m[0]),
-        f"actions of {count}, 10 others": functools.partial(prospects_of, *choice),
-        f"the ways of {count}": functools.partial(moves_along, *way),
+        "actions, 10 others": functools.partial(prospect_of, *choice),
+        "the way of one": functools.partial(way_along, *way),
     }
     for name, call in calls.items():
         call()

@@ -33,7 +33,6 @@ from are_ros.agents.mdp.policy import STAY, boltzmann, drawn, persistence_of, pr
 from are_ros.agents.mdp.routes import AHEAD
 from are_ros.agents.navigation.destinations import Destinations
 from are_ros.agents.navigation.navigation import (
-    Action,
     ActiveGoal,
     GoalKey,
     Navigation,
@@ -243,8 +242,7 @@ class DecisionLayer:
             for row, state in deciding.items()
         ]
         prospects = self._prospects(dict(zip(deciding, requests, strict=True)), known, view, robot)
-        actions = list(map(self._drawn_action, requests, prospects))
-        results = self._navigation.results(requests, prospects, actions)
+        results = [self._act(*one) for one in zip(requests, prospects, strict=True)]
         if self.report is not None:
             for decision in zip(requests, prospects, results, strict=True):
                 self.report(*decision, view, robot)
@@ -407,16 +405,21 @@ class DecisionLayer:
         self._table.set_behaviour(row, state.repertoire.names[chosen])
         self.report_change(now_ns, artefact, was)
 
-    def _drawn_action(self, request: NavigationRequest, prospect: Prospect) -> Action:
-        """Draw a pace and a move by Boltzmann's law, and what becomes of the move."""
+    def _act(self, request: NavigationRequest, prospect: Prospect) -> NavigationResult:
+        """Draw a move by Boltzmann's law, let it slip, and return what follows from it."""
         if prospect.kind is not Prospects.CHOOSES:
-            return 0, STAY, STAY
+            return self._navigation.result(request, prospect, 0, STAY)
         state, paces = request.state, request.state.repertoire.paces
         values = prospect.values[paces].ravel().tolist()
         weights = boltzmann([1.0] * len(values), values, self._settings.temperature)
         pace, move = divmod(drawn(weights, state.policy_random.random()), _MOVES)
         pace += paces.indices(len(prospect.values))[0]
-        return pace, move, slipped(move, state.slip, state.policy_random.random())
+        becomes = slipped(move, state.slip, state.policy_random.random())
+        if becomes not in {STAY, move}:
+            return self._navigation.slipped(request, prospect, pace, becomes)
+        result = self._navigation.result(request, prospect, pace, move)
+        # a move that fails: the agent turns there, and does not go
+        return result if becomes == move else _hesitating(request, result)
 
     def send_out(self, row: int, now_ns: int) -> None:
         """Send an agent whose life is over to an exit, from its next decision on."""
@@ -568,6 +571,14 @@ def _intent_of_journey(state: AgentState, situation: Situation) -> Intent | None
         return None
     speeds_mps = state.repertoire.speeds_mps(situation)
     return Intent(journey.goal_m, speeds_mps[0], arrival_m(situation)) if speeds_mps else None
+
+
+def _hesitating(request: NavigationRequest, result: NavigationResult) -> NavigationResult:
+    """Return the result of a move that fails: the agent stands, and faces where it leads."""
+    (x_m, y_m), subgoal_m = request.me.point_m, result.command.subgoal_m
+    face_rad = None if subgoal_m is None else math.atan2(subgoal_m[1] - y_m, subgoal_m[0] - x_m)
+    command = result.command._replace(subgoal_m=None, speed_mps=0.0, face_rad=face_rad)
+    return result._replace(command=command)
 
 
 def _request(state: AgentState, situation: Situation, intent: Intent) -> NavigationRequest:

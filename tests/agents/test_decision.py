@@ -15,10 +15,8 @@ from are_ros.agents.behaviours.situation import Intent, Situation
 from are_ros.agents.decision import AgentState, DecisionLayer
 from are_ros.agents.local_planner.body import MotionCommand
 from are_ros.agents.local_planner.planner import Obstruction
-from are_ros.agents.mdp.policy import STAY
 from are_ros.agents.navigation.destinations import Destinations
 from are_ros.agents.navigation.navigation import (
-    Action,
     Navigation,
     NavigationRequest,
     NavigationResult,
@@ -66,30 +64,23 @@ class Ways(Navigation):
             for request in requests
         ]
 
-    def results(
-        self,
-        requests: Sequence[NavigationRequest],
-        prospects: Sequence[Prospect],
-        actions: Sequence[Action],
-    ) -> list[NavigationResult]:
-        """Return orders to go straight on; what was chosen, and how it slips, is kept."""
-        results = []
-        for request, prospect, (pace, move, becomes) in zip(
-            requests, prospects, actions, strict=True
-        ):
-            if prospect.kind is Prospects.CHOOSES:
-                self.actions.append((pace, becomes or move))
-            has_failed = becomes != move and becomes == STAY
-            goal_m = None if has_failed else request.intent.goal_m
-            speed_mps, face_rad = request.speeds_mps[pace], 0.0 if has_failed else None
-            results.append(
-                NavigationResult(
-                    MotionCommand(goal_m, speed_mps, face_rad=face_rad),
-                    no_way=self.is_shut,
-                    waits=self.is_crowded and request.is_patient,
-                )
-            )
-        return results
+    def result(
+        self, request: NavigationRequest, prospect: Prospect, pace: int = 0, move: int = 0
+    ) -> NavigationResult:
+        """Return an order to go straight on; what was chosen is kept."""
+        if prospect.kind is Prospects.CHOOSES:
+            self.actions.append((pace, move))
+        return NavigationResult(
+            MotionCommand(request.intent.goal_m, request.speeds_mps[pace]),
+            no_way=self.is_shut,
+            waits=self.is_crowded and request.is_patient,
+        )
+
+    def slipped(
+        self, request: NavigationRequest, prospect: Prospect, pace: int, move: int
+    ) -> NavigationResult:
+        """Do the same: it says where to go in the same way."""
+        return self.result(request, prospect, pace, move)
 
     def sees(self, *_: Any) -> bool:
         """See everything."""

@@ -10,11 +10,11 @@ from are_ros.agents.behaviours.open_view import OpenView
 from are_ros.agents.behaviours.situation import Neighbour
 from are_ros.agents.mdp.routes import AHEAD
 from are_ros.agents.navigation.destinations import Destinations
-from are_ros.agents.navigation.goal_records import GoalSpec
 from are_ros.agents.navigation.step_kernels import (
     FADE_M,
     MINDED_M,
     Crowd,
+    GoalSpec,
     Robot,
     find_others,
 )

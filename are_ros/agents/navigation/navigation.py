@@ -9,6 +9,7 @@ straight line to it.
 import math
 from collections.abc import Sequence
 from enum import Enum, auto
+from functools import partial
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -22,13 +23,6 @@ from are_ros.agents.mdp.policy import STAY
 from are_ros.agents.mdp.routes import AHEAD, best_action
 from are_ros.agents.mdp.value_tables import ValueTable, ValueTables
 from are_ros.agents.navigation.destinations import Destinations, ReachableDestinations
-from are_ros.agents.navigation.goal_records import (
-    GoalSpec,
-    goal_record,
-    goals_of,
-    record_with_plane,
-)
-from are_ros.agents.navigation.ground import Ground
 from are_ros.agents.navigation.profile import NavigationProfile
 from are_ros.agents.navigation.step_kernels import (
     CHOOSES,
@@ -36,9 +30,11 @@ from are_ros.agents.navigation.step_kernels import (
     STRAIGHT,
     STRAIGHT_M,
     UNKNOWN,
+    GoalArrays,
     Robot,
-    moves_along,
-    prospects_of,
+    prospect_of,
+    slipped_along,
+    way_along,
 )
 from are_ros.agents.navigation.terrain import Terrain, Terrains
 from are_ros.agents.snapshot import AgentSnapshot
@@ -55,11 +51,11 @@ _GOALS_KEPT = 3
 """So many goals of an agent are known: of its journey, of its behaviour, and its way out."""
 
 _NO_ENVIRONMENT = "there is no environment yet, so no way can be found"
+_SETTLED = np.empty((0, 0), np.uint8)
+"""No cell whose values could be others."""
+
 _NO_WAY = np.empty((0, 2))
 _NO_VALUES = np.empty((0, 5))
-_Filled = tuple[npt.NDArray[np.int64], npt.NDArray[np.float64], npt.NDArray[np.float64]]
-"""Kinds and headings (M, 2), values (M,), and what the actions are worth (M, P, 5)."""
-
 _NO_ROBOT = np.zeros((AHEAD, 2)), -1.0
 _NOWHERE = Destinations(np.empty((0, 2)), np.empty((0, 2)))
 
@@ -93,21 +89,21 @@ class NavigationRequest(NamedTuple):
     is_patient: bool = True
 
 
-class ActiveGoal:
-    """A goal of an agent, and the values of going there, valid in one environment.
+class ActiveGoal(NamedTuple):
+    """A goal of an agent, and the values of going there.
 
-    `record` is what kernels take, as in `goal_record`.
+    They are valid in one environment. `arrays` are what kernels take: the fields of `Ground` and
+    `ValueArrays`, and `GoalSpec`.
     """
 
-    def __init__(
-        self, environment: Environment, table: ValueTable, ground: Ground, spec: GoalSpec
-    ) -> None:
-        """Take the environment, the values, the coarse map that they are of, and the goal."""
-        self.environment = environment
-        self.table = table
-        self.rest = table.model.rest
-        self._arrays = ground, table.value_arrays
-        self.record = goal_record(*self._arrays, spec)
+    environment: Environment
+    table: ValueTable
+    arrays: GoalArrays
+
+    def with_plane(self, plane: npt.NDArray[np.float32]) -> "ActiveGoal":
+        """Return the same with the values (4, h, w) of the epoch that counts in each cell."""
+        ground, (_, _, *others), ends = self.arrays
+        return self._replace(arrays=(ground, (plane[None], _SETTLED, *others), ends))
 
 
 class Prospect(NamedTuple):
@@ -135,9 +131,6 @@ class Prospect(NamedTuple):
         return pace, move
 
 
-_STANDS: Final = Prospect(Prospects.STANDS)
-
-
 class NavigationResult(NamedTuple):
     """The motion command for one decision period, and the state of the goal.
 
@@ -151,9 +144,6 @@ class NavigationResult(NamedTuple):
     waits: bool = False
     way_m: npt.NDArray[np.float64] = _NO_WAY
 
-
-Action = tuple[int, int, int]
-"""A pace, a move, and what becomes of the move: itself, `STAY` if it fails, or one to its side."""
 
 GoalKey = tuple[Point, tuple[float, ...]]
 """A goal, and the speeds at which it is gone to."""
@@ -208,38 +198,42 @@ class Navigation:
         self, requests: Sequence[NavigationRequest], view: AgentSnapshot, robot: RobotView | None
     ) -> list[Prospect]:
         """Return what the actions of each request are worth; an agent's last goals are known."""
-        found = self._weighed(requests, [self._known(one) for one in requests], view, robot)
-        # Some agents may have left the part of the map with known values.
-        lost = [k for k, one in enumerate(found) if one.kind is Prospects.NO_WAY and one.active]
-        again = [requests[k] for k in lost]
-        renewed = self._weighed(again, [self._renewed(one) for one in again], view, robot)
-        for k, prospect in zip(lost, renewed, strict=True):
-            found[k] = prospect
-        return found
+        if not requests:
+            return []
+        around = self._around(robot)
+        indices = view.indices_of([request.me.id for request in requests])
+        return [
+            self._prospect(request, view, around, index)
+            for request, index in zip(requests, indices, strict=True)
+        ]
 
-    def _known(self, request: NavigationRequest) -> Prospect | ActiveGoal:
-        """Return what there is for an agent without values, else the goal that has them."""
+    def _prospect(
+        self,
+        request: NavigationRequest,
+        view: AgentSnapshot,
+        around: Robot,
+        index: int,
+    ) -> Prospect:
+        known = request.state.active
         intent, goal_m = request.intent, request.intent.goal_m
         if goal_m is None:
-            return _STANDS
+            return Prospect(Prospects.STANDS)
+        key = (goal_m, request.speeds_mps)
         away_m = math.dist(request.me.point_m, goal_m)
         if away_m <= intent.arrive_within_m:
             return Prospect(Prospects.ARRIVED)
-        active = request.state.active.get((goal_m, request.speeds_mps))
+        active = known.get(key)
         if active is not None and active.environment is self._environment:
-            return active
-        if (intent.is_moving_goal or away_m <= STRAIGHT_M) and self.sees(
+            prospect = self._prospect_by(request, active, view, around, index)
+            if prospect.kind is not Prospects.NO_WAY:
+                return prospect
+        elif (intent.is_moving_goal or away_m <= STRAIGHT_M) and self.sees(
             request.state.profile, request.me.point_m, goal_m
         ):
             return Prospect(Prospects.STRAIGHT)
-        return self._renewed(request)
-
-    def _renewed(self, request: NavigationRequest) -> Prospect | ActiveGoal:
-        """Return the goal of a request with new values, and keep it; NO_WAY if none leads there."""
-        goal_m, known = request.intent.goal_m, request.state.active
-        key = None if goal_m is None else (goal_m, request.speeds_mps)
-        active = None if key is None else self._new_goal(request, key)
-        if key is None or active is None:
+        # The goal is new, or the agent has left the part of the map with known values.
+        active = self._new_goal(request, key)
+        if active is None:
             return Prospect(Prospects.NO_WAY)
         for other, goal in list(known.items()):
             if other == key or goal.environment is not self._environment:
@@ -247,103 +241,69 @@ class Navigation:
         known[key] = active
         if len(known) > _GOALS_KEPT:
             del known[next(iter(known))]
-        return active
+        return self._prospect_by(request, active, view, around, index)
 
-    def _weighed(
+    def _prospect_by(
         self,
-        requests: Sequence[NavigationRequest],
-        known: Sequence[Prospect | ActiveGoal],
+        request: NavigationRequest,
+        active: ActiveGoal,
         view: AgentSnapshot,
-        robot: RobotView | None,
-    ) -> list[Prospect]:
-        """Return the prospects of requests; those with goals get them by their values."""
-        goals = {k: one for k, one in enumerate(known) if isinstance(one, ActiveGoal)}
-        found = [one if isinstance(one, Prospect) else _STANDS for one in known]
-        if not goals:
-            return found
-        indices = view.indices_of([requests[k].me.id for k in goals])
-        asked = np.array(
-            [
-                (
-                    index,
-                    requests[k].is_patient,
-                    requests[k].intent.is_moving_goal,
-                    self._epochs(requests[k].left_s),
-                )
-                for index, k in zip(indices, goals, strict=True)
-            ],
-            np.int64,
+        around: Robot,
+        index: int,
+    ) -> Prospect:
+        """Return the prospect by the values of the decision process."""
+        values, epochs = np.empty((len(request.speeds_mps), 5)), self._epochs(request.left_s)
+        look = partial(
+            prospect_of,
+            view.crowd,
+            around,
+            (index, request.is_patient, epochs),
+            request.intent.is_moving_goal,
+            values,
         )
-        paces = max(len(requests[k].speeds_mps) for k in goals)
-        kinds, values, brings = self._worth(list(goals.values()), asked, paces, view, robot)
-        for at, (k, (kind, heading), value) in enumerate(
-            zip(goals, kinds.tolist(), values.tolist(), strict=True)
-        ):
-            goal, of_paces = goals[k], brings[at, : len(requests[k].speeds_mps)]
-            found[k] = Prospect(_KINDS[kind], of_paces, value, heading, goal.rest, goal)
-        return found
+        what, heading, value = look(*active.arrays)
+        if what == UNKNOWN:
+            plane = self._tables.plane(active.table, max(0, epochs - AHEAD))
+            active = active.with_plane(plane)
+            what, heading, value = look(*active.arrays)
+        rest = active.table.model.rest
+        if what == CHOOSES:
+            values[:, STAY] -= rest
+        return Prospect(_KINDS[what], values, value, heading, rest, active)
 
-    def _worth(
-        self,
-        goals: Sequence[ActiveGoal],
-        asked: npt.NDArray[np.int64],
-        paces: int,
-        view: AgentSnapshot,
-        robot: RobotView | None,
-    ) -> _Filled:
-        """Return what `prospects_of` fills in, with the planes of all epochs that are needed."""
-        around = self._around(robot)
+    def result(
+        self, request: NavigationRequest, prospect: Prospect, pace: int = 0, move: int = 0
+    ) -> NavigationResult:
+        """Return the motion command until the next decision, for an action of a prospect.
 
-        def filled(asked: npt.NDArray[np.int64], records: list[bytes]) -> _Filled:
-            brings = np.empty((len(asked), paces, 5))
-            kinds, values = np.empty((len(asked), 2), np.int64), np.empty(len(asked))
-            prospects_of(view.crowd, around, asked, goals_of(records), brings, kinds, values)
-            return kinds, values, brings
-
-        found = filled(asked, [goal.record for goal in goals])
-        unknown = np.flatnonzero(found[0][:, 0] == UNKNOWN)
-        if len(unknown):
-            needs = [(goals[k], max(0, int(asked[k, 3]) - AHEAD)) for k in unknown.tolist()]
-            planes = [self._tables.plane(goal.table, epochs) for goal, epochs in needs]
-            records = [
-                record_with_plane(goal.record, plane)
-                for (goal, _), plane in zip(needs, planes, strict=True)
-            ]
-            for array, again in zip(found, filled(asked[unknown], records), strict=True):
-                array[unknown] = again
-        return found
-
-    def results(
-        self,
-        requests: Sequence[NavigationRequest],
-        prospects: Sequence[Prospect],
-        actions: Sequence[Action],
-    ) -> list[NavigationResult]:
-        """Return the motion commands until the next decisions, for an action of each prospect.
-
-        The actions count where there is a choice. An agent goes to its goal if that is seen, else
-        to the farthest point that is seen of the way along the move and then the cheapest way. A
-        move that fails turns it there; one that slips aside, without room, lets it stand.
+        Pace and move count if there is a choice. The agent goes to the goal if that is seen, else
+        to the farthest point that is seen of the way along the move and then the cheapest way.
         """
-        results = list(map(_without_choice, requests, prospects))
-        goals = {
-            k: one.active
-            for k, one in enumerate(prospects)
-            if one.kind is Prospects.CHOOSES and one.active is not None
-        }
-        if not goals:
-            return results
-        ways_m, aims_m = np.empty((len(goals), _MOST_POINTS, 2)), np.empty((len(goals), 2))
-        ends = np.empty((len(goals), 2), np.int64)
-        poses = np.array([requests[k].me.pose for k in goals])
-        chosen = np.array([actions[k] for k in goals], np.int64)
-        records = goals_of([goal.record for goal in goals.values()])
-        moves_along(records, poses, chosen, ways_m, aims_m, ends)
-        for k, way_m, (x_m, y_m), (count, stops) in zip(
-            goals, ways_m, aims_m.tolist(), ends.tolist(), strict=True
-        ):
-            results[k] = _along(requests[k], actions[k], way_m[:count], (x_m, y_m), stops=stops > 0)
-        return results
+        kind, speed_mps = prospect.kind, request.speeds_mps[pace] if request.speeds_mps else 0.0
+        if kind is Prospects.STRAIGHT:
+            return NavigationResult(_command(request, request.intent.goal_m, speed_mps))
+        if kind is not Prospects.CHOOSES or prospect.active is None:
+            is_there, is_lost = kind is Prospects.ARRIVED, kind is Prospects.NO_WAY
+            return NavigationResult(_command(request, None), arrived=is_there, no_way=is_lost)
+        pose, way_m = request.me.pose, np.empty((_MOST_POINTS, 2))
+        count, x_m, y_m, stops = way_along(*prospect.active.arrays, pose, (pace, move), way_m)
+        way_m = way_m[:count]
+        if move == 0 or count == 0:
+            return NavigationResult(_command(request, None), waits=move == 0, way_m=way_m)
+        command = _command(request, (x_m, y_m), speed_mps, stop_there=stops)
+        return NavigationResult(command, way_m=way_m)
+
+    def slipped(
+        self, request: NavigationRequest, prospect: Prospect, pace: int, move: int
+    ) -> NavigationResult:
+        """Return the motion command for a move that has slipped aside; without room it stands."""
+        if prospect.active is not None:
+            arrays, pose = prospect.active.arrays, request.me.pose
+            has_room, x_m, y_m = slipped_along(*arrays, pose, (pace, move))
+            if has_room:
+                command = _command(request, (x_m, y_m), request.speeds_mps[pace], stop_there=False)
+                return NavigationResult(command, way_m=np.array([(x_m, y_m)]))
+        return NavigationResult(_command(request, None))
 
     def _around(self, robot: RobotView | None) -> Robot:
         """Return the robot as kernels take it, at its present speed along its expected path."""
@@ -371,14 +331,15 @@ class Navigation:
             start = coarse.cell_of(me.x_m, me.y_m)
             table = self._tables.value(coarse, model, goal_m, start)
             if table is not None and start is not None and table.reaches(start):
-                spec = GoalSpec(
+                goal_spec = (
                     min(profile.radius_m, coarse.radius_m),
                     goal_m,
                     table.goal_m,
                     profile.others_price,
                     profile.robot_price,
                 )
-                return ActiveGoal(environment, table, coarse.ground, spec)
+                arrays = (tuple(coarse.ground), tuple(table.value_arrays), goal_spec)
+                return ActiveGoal(environment, table, arrays)
         return None
 
     def _terrain(self, profile: NavigationProfile) -> Terrain:
@@ -395,36 +356,6 @@ class Navigation:
         if left_s is None:
             return self.horizon
         return max(1, min(self.horizon, math.ceil(left_s / self._settings.decision_period)))
-
-
-def _without_choice(request: NavigationRequest, prospect: Prospect) -> NavigationResult:
-    """Return what follows where an agent stands, has no way, or goes straight to its goal."""
-    if prospect.kind is Prospects.STRAIGHT:
-        return NavigationResult(_command(request, request.intent.goal_m, request.speeds_mps[0]))
-    is_there = prospect.kind is Prospects.ARRIVED
-    is_lost = prospect.kind is Prospects.NO_WAY
-    return NavigationResult(_command(request, None), arrived=is_there, no_way=is_lost)
-
-
-def _along(
-    request: NavigationRequest,
-    action: Action,
-    way_m: npt.NDArray[np.float64],
-    aim_m: Point,
-    *,
-    stops: bool,
-) -> NavigationResult:
-    """Return what follows from an action, given where it leads; a way without points is none."""
-    pace, move, becomes = action
-    if move == STAY or not len(way_m):
-        return NavigationResult(_command(request, None), waits=move == STAY, way_m=way_m)
-    if becomes == STAY:  # a move that fails: the agent turns there, and does not go
-        (x_m, y_m), here_m = aim_m, request.me.point_m
-        face_rad = math.atan2(y_m - here_m[1], x_m - here_m[0])
-        command = _command(request, None)._replace(stop_there=stops, face_rad=face_rad)
-        return NavigationResult(command, way_m=way_m)
-    command = _command(request, aim_m, request.speeds_mps[pace], stop_there=stops)
-    return NavigationResult(command, way_m=way_m)
 
 
 def _command(

@@ -11,16 +11,10 @@ from are_ros.agents.mdp.routes import (
     AHEAD,
     Moves,
     ValueArrays,
+    ValueTuple,
     action_values,
     follow,
     is_settled,
-)
-from are_ros.agents.navigation.goal_records import (
-    GoalSpec,
-    Records,
-    ground_at,
-    spec_at,
-    values_at,
 )
 from are_ros.agents.navigation.ground import Ground, cell_of, fine_cell, heading_of
 from are_ros.agents.navigation.local_way import way_round
@@ -28,7 +22,6 @@ from are_ros.agents.navigation.terrain import cell_centre, farthest, rolls
 from are_ros.agents.neighbours import Cells, find_near
 
 Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 
 FADE_M: Final = 1.0
 """Over this length the cost of another agent falls from its whole weight to 0."""
@@ -45,6 +38,19 @@ STRAIGHT_M: Final = 3.0
 NO_WAY, STRAIGHT, CHOOSES, UNKNOWN = range(4)
 
 
+class GoalSpec(NamedTuple):
+    """An agent's radius, its goal, and where the values end, which may be beside the goal.
+
+    Then the cost per epoch of being near others, and near the robot.
+    """
+
+    radius_m: float
+    goal_m: tuple[float, float]
+    end_m: tuple[float, float]
+    others_price: float
+    robot_price: float
+
+
 class Crowd(NamedTuple):
     """Everybody: points by cell; poses (N, 4), x, y, z, yaw; radii (N,).
 
@@ -57,9 +63,13 @@ class Crowd(NamedTuple):
     radii_m: Floats
 
 
+# Plain tuples go into compiled code in a third of the time that named ones take, so they are named
+# inside.
+GroundArrays = tuple[Any, ...]
 CrowdArrays = tuple[Any, ...]
-"""The fields of `Cells`, and the rest of `Crowd`: plain tuples go into compiled code in a third of
-the time that named ones take."""
+GoalSpecArrays = tuple[float, tuple[float, float], tuple[float, float], float, float]
+GoalArrays = tuple[GroundArrays, ValueTuple, GoalSpecArrays]
+"""The fields of `Ground`, `ValueArrays` and `GoalSpec`."""
 
 
 Robot = tuple[Floats, float]
@@ -70,41 +80,27 @@ The radius is negative without one.
 
 
 @compiled
-def prospects_of(
+def prospect_of(
     crowd: CrowdArrays,
     robot: Robot,
-    asked: Integers,
-    goals: Records,
+    agent: tuple[int, bool, int],
+    is_moving_goal: bool,
     brings: Floats,
-    kinds: Integers,
-    values: Floats,
-) -> None:
-    """Fill in what the actions of agents with goals (M,) are worth, (M, P, 5): pace, move.
-
-    `asked` (M, 4) is the index in the crowd, whether others cost the agent anything, whether its
-    goal moves (it is approached straight then, from any distance), and the epochs left. `kinds`
-    (M, 2) become what there is (no way, straight to the goal, a choice, or that the planes of all
-    epochs are needed) and the heading, `values` (M,) those of the states without the others.
-    """
-    everybody = Crowd(Cells(*crowd[:8]), crowd[8], crowd[9], crowd[10])
-    for k in range(asked.shape[0]):
-        ask = asked[k, 0], asked[k, 1] != 0, asked[k, 2] != 0, asked[k, 3]
-        kinds[k, 0], kinds[k, 1], values[k] = _prospect_of(
-            everybody, robot, ask, goals[k], brings[k]
-        )
-
-
-@compiled
-def _prospect_of(
-    everybody: Crowd,
-    robot: Robot,
-    ask: tuple[int, bool, bool, int],
-    goal: Any,
-    brings: Floats,
+    ground: GroundArrays,
+    value_arrays: ValueTuple,
+    ends: GoalSpecArrays,
 ) -> tuple[int, int, float]:
-    """Fill in what the actions of one agent are worth; return the kind, the heading, the value."""
-    floor, values, going = ground_at(goal), values_at(goal), spec_at(goal)
-    index, is_patient, is_moving_goal, epochs_left = ask
+    """Fill in what the actions of an agent with a goal are worth, (P, 5): pace, move.
+
+    `ground`, `value_arrays` and `ends` are the fields of `Ground`, `ValueArrays` and `GoalSpec`,
+    `crowd` those of `Cells` and the rest of `Crowd`. `agent` is the index in the crowd, whether
+    others cost it anything, and the epochs left. A moving goal is approached straight from any
+    distance. Returns what there is (no way, straight to the goal, a choice, or that the planes of
+    all epochs are needed), the heading, and the value of the state without the others.
+    """
+    floor, values, going = Ground(*ground), ValueArrays(*value_arrays), GoalSpec(*ends)
+    everybody = Crowd(Cells(*crowd[:8]), crowd[8], crowd[9], crowd[10])
+    index, is_patient, epochs_left = agent
     x_m, y_m = everybody.poses[index, 0], everybody.poses[index, 1]
     away_m = np.hypot(going.goal_m[0] - x_m, going.goal_m[1] - y_m)
     if (is_moving_goal or away_m <= STRAIGHT_M) and rolls(
@@ -120,14 +116,11 @@ def _prospect_of(
     others = others[: min(AHEAD, epochs_left)]
     if not is_settled(values, state[0], state[1], epochs_left, others.shape[0]):
         return UNKNOWN, 0, 0.0
-    paces = values.paces.shape[0]
-    scratch, nobody = scratch_of(paces), others[:, :0].copy()
+    scratch, nobody = scratch_of(values.paces.shape[0]), others[:, :0].copy()
     action_values(values, epochs_left, floor.anchors_m, nobody, state, scratch, brings)
-    value = brings[:paces].max()
+    value = brings.max()
     if others.shape[1] > 0:
         action_values(values, epochs_left, floor.anchors_m, others, state, scratch, brings)
-    for pace in range(paces):
-        brings[pace, 0] -= values.prices[2]
     return CHOOSES, state[2], value
 
 
@@ -189,34 +182,10 @@ def _foresee(others: Floats, count: int, ahead_m: Floats, radius_m: float, price
 
 
 @compiled
-def moves_along(
-    goals: Records, poses: Floats, actions: Integers, ways_m: Floats, aims_m: Floats, ends: Integers
-) -> None:
-    """Fill in the ways (M, K, 2) along the actions (M, 3) of agents at poses (M, 3), x, y, yaw.
-
-    An action is a pace, a move, and what becomes of the move: itself, 0 if it fails, or one to its
-    side. `aims_m` (M, 2) become the points to go to; `ends` (M, 2) how many points the ways have,
-    and whether one stops at the aim.
-    """
-    for k in range(actions.shape[0]):
-        floor, values, going = ground_at(goals[k]), values_at(goals[k]), spec_at(goals[k])
-        pose, becomes = (poses[k, 0], poses[k, 1], poses[k, 2]), actions[k, 2]
-        if becomes == 0 or becomes == actions[k, 1]:
-            action, way_m = (actions[k, 0], actions[k, 1]), ways_m[k]
-            count, x_m, y_m, stops = _way_along(floor, values, going, pose, action, way_m)
-        else:
-            action, stops = (actions[k, 0], becomes), False
-            has_room, x_m, y_m = _slipped_along(floor, values, going, pose, action)
-            ways_m[k, 0, 0], ways_m[k, 0, 1], count = x_m, y_m, int(has_room)
-        aims_m[k, 0], aims_m[k, 1] = x_m, y_m
-        ends[k, 0], ends[k, 1] = count, int(stops)
-
-
-@compiled
-def _way_along(
-    floor: Ground,
-    values: ValueArrays,
-    going: GoalSpec,
+def way_along(
+    ground: GroundArrays,
+    value_arrays: ValueTuple,
+    ends: GoalSpecArrays,
     pose: tuple[float, float, float],
     action: tuple[int, int],
     way_m: Floats,
@@ -228,6 +197,7 @@ def _way_along(
     stops there: at the end, and where the way turns back from the move. What comes after that does
     not count.
     """
+    floor, values, going = Ground(*ground), ValueArrays(*value_arrays), GoalSpec(*ends)
     state, here_m = _state_of(floor, values, pose), (pose[0], pose[1])
     radius_m, field, lattice = going.radius_m, floor.clearance_m, floor.lattice
     if (
@@ -263,19 +233,20 @@ def _way_along(
 
 
 @compiled
-def _slipped_along(
-    floor: Ground,
-    values: ValueArrays,
-    going: GoalSpec,
+def slipped_along(
+    ground: GroundArrays,
+    value_arrays: ValueTuple,
+    ends: GoalSpecArrays,
     pose: tuple[float, float, float],
     action: tuple[int, int],
 ) -> tuple[bool, float, float]:
     """Return whether a move that has slipped aside has room, and the point that it leads to.
 
-    `pose` and `action` as in `_way_along`, but not to stay. It leads on in its direction as far as
+    `pose` and `action` as in `way_along`, but not to stay. It leads on in its direction as far as
     its pace reaches, or to where the move ends if walls are in between. The way on from there does
     not count: a person would cut the corner, and hardly leave the way from which it slips.
     """
+    floor, values, going = Ground(*ground), ValueArrays(*value_arrays), GoalSpec(*ends)
     (row, col, _), here_m, direction = _state_of(floor, values, pose), pose[:2], action[1] - 1
     reach = int(values.paces[action[0], 0])
     length = min(reach, int(values.lengths[direction, row, col]))

@@ -120,23 +120,7 @@ def best_of(
 ) -> list[NavigationResult]:
     """Return the results of the best actions."""
     prospects = ways.prospects(requests, view, robot)
-    actions = [(pace, move, move) for pace, move in (prospect.best for prospect in prospects)]
-    return ways.results(requests, prospects, actions)
-
-
-def acted(
-    ways: Navigation,
-    request: NavigationRequest,
-    prospect: Prospect,
-    action: tuple[int, int],
-    becomes: int | None = None,
-) -> NavigationResult:
-    """Return the result of one pace and move; with `becomes`, the move slips."""
-    pace, move = action
-    (found,) = ways.results(
-        [request], [prospect], [(pace, move, move if becomes is None else becomes)]
-    )
-    return found
+    return [ways.result(*pair, *pair[1].best) for pair in zip(requests, prospects, strict=True)]
 
 
 # --- without values
@@ -289,7 +273,7 @@ def test_who_is_late_runs() -> None:
         ways = navigation()
         request, prospect = prospect_of(ways, (2.0, 5.0, 0.0), (9.0, 9.0), left_s=left_s)
         assert prospect.best[0] == pace
-        found = acted(ways, request, prospect, prospect.best)
+        found = ways.result(request, prospect, *prospect.best)
         assert found.command.speed_mps == request.speeds_mps[pace]
 
 
@@ -298,7 +282,7 @@ def test_any_move_is_carried_out(move: int) -> None:
     """Also one that is not the best: the sub-goal is where it leads to."""
     ways = navigation(hall())
     request, prospect = prospect_of(ways, (20.1, 20.1, 0.0), (35.0, 31.0))
-    at = acted(ways, request, prospect, (0, move)).command.subgoal_m
+    at = ways.result(request, prospect, 0, move).command.subgoal_m
     assert at is not None
     along = ((1, 0), (0, 1), (-1, 0), (0, -1))[move - 1]
     assert along[0] * (at[0] - 20.1) + along[1] * (at[1] - 20.1) > 0.1
@@ -309,30 +293,17 @@ def test_where_the_way_turns_back_from_the_move_one_stops(move: int, stops: bool
     """Going on would lead to states that the action cannot lead to."""
     ways = navigation(hall())
     request, prospect = prospect_of(ways, (20.1, 20.1, 0.0), (35.0, 20.3))
-    command = acted(ways, request, prospect, (0, move)).command
+    command = ways.result(request, prospect, 0, move).command
     assert command.stop_there == (stops or command.subgoal_m == (35.0, 20.3))
     assert command.subgoal_m is not None
     assert (command.subgoal_m[0] < 20.1) == stops
-
-
-def test_a_move_that_fails_turns_there_and_does_not_go() -> None:
-    """It faces the point that the move would have led to, and does not count as waiting."""
-    ways = navigation(hall())
-    request, prospect = prospect_of(ways, (20.1, 20.1, 0.0), (35.0, 31.0))
-    for move in (1, 2, 3, 4):
-        goes, fails = (acted(ways, request, prospect, (0, move), one) for one in (move, 0))
-        assert goes.command.subgoal_m is not None
-        x_m, y_m = goes.command.subgoal_m
-        assert fails.command.subgoal_m is None
-        assert fails.command.face_rad == math.atan2(y_m - 20.1, x_m - 20.1)
-        assert not fails.waits
 
 
 def test_to_stay_is_to_wait() -> None:
     """With the way that it would go."""
     ways = navigation()
     request, prospect = prospect_of(ways, (2.0, 5.0, 0.0), (8.0, 9.0))
-    found = acted(ways, request, prospect, (0, 0))
+    found = ways.result(request, prospect, 0, 0)
     assert found.waits
     assert found.command.subgoal_m is None
     assert len(found.way_m)
@@ -499,7 +470,7 @@ def test_a_slipped_move_leads_straight_aside(y_m: float, subgoal_m: Point | None
     ways, view = navigation(), view_of((2.0, y_m, 0.0))
     request = NavigationRequest(state(), me_in(view), Intent((8.5, 5.0), 1.2), SPEEDS_MPS)
     (prospect,) = ways.prospects([request], view, None)
-    found = acted(ways, request, prospect, (0, 1), becomes=2)
+    found = ways.slipped(request, prospect, 0, 2)
     assert found.command.subgoal_m == pytest.approx(subgoal_m)
     assert not found.waits
     if subgoal_m is not None:
@@ -627,7 +598,7 @@ def test_values_that_nobody_goes_by_are_let_go() -> None:
         intent = Intent((8.0, 5.0), 1.2)
         ways.prospects([NavigationRequest(one, me_in(view), intent, SPEEDS_MPS)], view, None)
         (active,) = one.active.values()
-        owner = weakref.ref(active.table.planes)
+        owner = weakref.ref(active.arrays[1][0])
         del active
         ways.enter(rooms(version=1), PLACES)
         gc.collect()
