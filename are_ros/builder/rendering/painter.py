@@ -282,7 +282,7 @@ class Painter:
         corners = np.stack(
             (rays[:-step, :-step], rays[step:, :-step], rays[:-step, step:]), axis=2
         )[::4, ::4].reshape(-1, 3, 3)
-        corners = corners[corners.any(axis=2).all(axis=1)]
+        corners = corners[np.all(corners.any(axis=2), axis=1)]
         ends = self.view.project(corners.reshape(-1, 3)).reshape(-1, 3, 2)
         measured = self._measured_bulges(corners, ends)
         return 1.5 * float(np.nanmax(measured, initial=0.0))

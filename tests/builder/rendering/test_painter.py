@@ -68,7 +68,8 @@ def sample_rays(painter: Painter) -> Floats:
     height, blocks, _ = painter.blocks.shape
     parts = painter.blocks[:, :, :48].reshape(height, blocks, 3, 2, 2, 4)
     rays = parts.transpose(0, 3, 1, 5, 4, 2).reshape(2 * height, 8 * blocks, 3)
-    return rays[:, : 2 * painter.view.width].astype(np.float64)
+    found: Floats = rays[:, : 2 * painter.view.width].astype(np.float64)
+    return found
 
 
 def ranges_of(painter: Painter, body: PaintedBody) -> Floats:
