@@ -84,6 +84,26 @@ def by_are(bodies: Bodies) -> Callable[[int], None]:
     return paint
 
 
+def actor_of(body: PaintedBody, vtk: Any, support: Any) -> Any:
+    """Return a body as VTK takes it."""
+    corners = body.surface.corners_m.reshape(-1, 3)
+    points, cells, data = vtk.vtkPoints(), vtk.vtkCellArray(), vtk.vtkPolyData()
+    points.SetData(support.numpy_to_vtk(corners, deep=1))
+    count = len(corners) // 3
+    faces = np.column_stack((np.full(count, 3), np.arange(3 * count).reshape(-1, 3)))
+    cells.SetCells(count, support.numpy_to_vtkIdTypeArray(faces.ravel().astype(np.int64), deep=1))
+    data.SetPoints(points)
+    data.SetPolys(cells)
+    colours = (255.0 * np.sqrt(body.surface.colours.reshape(-1, 3))).astype(np.uint8)
+    data.GetPointData().SetScalars(support.numpy_to_vtk(colours, deep=1))
+    normals = body.surface.normals.reshape(-1, 3)
+    data.GetPointData().SetNormals(support.numpy_to_vtk(normals, deep=1))
+    mapper, actor = vtk.vtkPolyDataMapper(), vtk.vtkActor()
+    mapper.SetInputData(data)
+    actor.SetMapper(mapper)
+    return actor
+
+
 CLIPPING_M = (0.1, 30.0)
 
 
@@ -109,24 +129,7 @@ def by_vtk(bodies: Bodies) -> tuple[Callable[[int], None], Callable[[int], None]
     camera.SetClippingRange(*CLIPPING_M)
     actors = []
     for body in bodies(0.0):
-        corners = body.surface.corners_m.reshape(-1, 3)
-        points, cells, data = vtk.vtkPoints(), vtk.vtkCellArray(), vtk.vtkPolyData()
-        points.SetData(support.numpy_to_vtk(corners, deep=1))
-        count = len(corners) // 3
-        faces = np.column_stack((np.full(count, 3), np.arange(3 * count).reshape(-1, 3)))
-        cells.SetCells(
-            count, support.numpy_to_vtkIdTypeArray(faces.ravel().astype(np.int64), deep=1)
-        )
-        data.SetPoints(points)
-        data.SetPolys(cells)
-        colours = (255.0 * np.sqrt(body.surface.colours.reshape(-1, 3))).astype(np.uint8)
-        data.GetPointData().SetScalars(support.numpy_to_vtk(colours, deep=1))
-        data.GetPointData().SetNormals(
-            support.numpy_to_vtk(body.surface.normals.reshape(-1, 3), deep=1)
-        )
-        mapper, actor = vtk.vtkPolyDataMapper(), vtk.vtkActor()
-        mapper.SetInputData(data)
-        actor.SetMapper(mapper)
+        actor = actor_of(body, vtk, support)
         renderer.AddActor(actor)
         actors.append(actor)
 
