@@ -363,14 +363,14 @@ class Painter:
         self, pixels: npt.NDArray[np.uint8], lighting: Lighting, random: np.random.Generator
     ) -> npt.NDArray[np.uint8]:
         """Return the image with what is painted; what neither layer nor shadow touches is kept."""
+        painted: npt.NDArray[np.uint8] = pixels.copy()
         gain = np.full(3, lighting.brightness, dtype=np.float32)
         if lighting.is_estimated:
             mean = np.empty(3, dtype=np.float32)
-            mean_light(pixels, _LINEAR, mean)
+            mean_light(painted, _LINEAR, mean)
             cast = np.sqrt(np.maximum(mean, 1e-4) / max(float(mean.mean()), 1e-4))
             gain *= np.clip(mean.mean() / _GREY, _DARKEST, _BRIGHTEST) * cast
         taps = _taps(lighting.blur_px)
-        painted: npt.NDArray[np.uint8] = pixels.copy()
         compose(
             self._layer,
             self._shadow_left,
