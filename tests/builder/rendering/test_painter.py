@@ -277,6 +277,18 @@ def test_blur_and_noise_touch_only_what_is_painted() -> None:
     assert steps[1] < 0.7 * steps[0]
 
 
+def test_a_painter_that_is_prepared_paints_the_same() -> None:
+    """Its rays are there before the first image, and are not computed again."""
+    prepared, body = Painter(DISTORTED), standing(cube(), 2.5, 0.0)
+    prepared.prepare()
+    blocks = vars(prepared)["blocks"]
+    one, other = paint(prepared, [body]), paint(Painter(DISTORTED), [body])
+    assert prepared.blocks is blocks
+    assert one.pixels is not None
+    assert other.pixels is not None
+    assert (one.pixels == other.pixels).all()
+
+
 def test_noise_is_nearly_normal_and_that_of_a_seed() -> None:
     """Mean, deviation and tails of 200,000 numbers; neighbours and seeds do not go together."""
     drawn = np.array([[standard_noise(np.uint64(s), k) for k in range(100_000)] for s in (7, 8)])
