@@ -35,8 +35,9 @@ def compose(
     """Lay a layer (H, 4 W) over pixels (H, W, 3), whose light the shadow (H, W) lowers before.
 
     Both are blurred with the `taps` (2 R + 1,); their spans (H, 2) are the columns of each row
-    where they are not 0 and 1. `gain` (3,) is the strength of the light, `noise` the deviation of what
-    the sensor adds, in steps of 8 bits, from a `seed`. `linear` (256,) and `srgb` (4096,) convert.
+    where they are not 0 and 1. `gain` (3,) is the strength of the light, `noise` the deviation of
+    what the sensor adds, in steps of 8 bits, from a `seed`. `linear` (256,) and `srgb` (4096,)
+    convert.
     `rows` (3, 4 W + 8 R) is room. Other pixels keep their bits.
     """
     height, width, radius = shadow.shape[0], shadow.shape[1], taps.size // 2
@@ -92,7 +93,8 @@ def standard_noise(seed: np.uint64, number: int) -> np.float32:
     bits ^= bits >> np.uint64(31)
     pairs = (bits & _BYTES) + ((bits >> np.uint64(8)) & _BYTES)
     total = (pairs * np.uint64(0x0001000100010001)) >> np.uint64(48)
-    return (np.float32(total) - _NOISE_MEAN) / _NOISE_DEVIATION
+    number_drawn: np.float32 = (np.float32(total) - _NOISE_MEAN) / _NOISE_DEVIATION
+    return number_drawn
 
 
 @borrowing

@@ -282,7 +282,7 @@ class Painter:
         corners = np.stack(
             (rays[:-step, :-step], rays[step:, :-step], rays[:-step, step:]), axis=2
         )[::4, ::4].reshape(-1, 3, 3)
-        corners = corners[corners.any(axis=2).all(axis=1)]
+        corners = corners[np.all(corners.any(axis=2), axis=1)]
         ends = self.view.project(corners.reshape(-1, 3)).reshape(-1, 3, 2)
         measured = self._measured_bulges(corners, ends)
         return 1.5 * float(np.nanmax(measured, initial=0.0))
@@ -363,14 +363,14 @@ class Painter:
         self, pixels: npt.NDArray[np.uint8], lighting: Lighting, random: np.random.Generator
     ) -> npt.NDArray[np.uint8]:
         """Return the image with what is painted; what neither layer nor shadow touches is kept."""
+        painted: npt.NDArray[np.uint8] = pixels.copy()
         gain = np.full(3, lighting.brightness, dtype=np.float32)
         if lighting.is_estimated:
             mean = np.empty(3, dtype=np.float32)
-            mean_light(pixels, _LINEAR, mean)
+            mean_light(painted, _LINEAR, mean)
             cast = np.sqrt(np.maximum(mean, 1e-4) / max(float(mean.mean()), 1e-4))
             gain *= np.clip(mean.mean() / _GREY, _DARKEST, _BRIGHTEST) * cast
         taps = _taps(lighting.blur_px)
-        painted: npt.NDArray[np.uint8] = pixels.copy()
         compose(
             self._layer,
             self._shadow_left,

@@ -121,11 +121,8 @@ def cast_samples(rays: Floats, blocks: Floats) -> None:
 
 @borrowing
 def _has_ray(rays: Floats, row: int, column: int) -> bool:
-    return (
-        rays[row, column, 0] != _ZERO
-        or rays[row, column, 1] != _ZERO
-        or (rays[row, column, 2] != _ZERO)
-    )
+    ray = rays[row, column]
+    return bool(ray[0] != _ZERO or ray[1] != _ZERO or ray[2] != _ZERO)
 
 
 @borrowing
@@ -203,9 +200,9 @@ def choose_faces(
 
     Points (V, 3) are in the camera's frame, and pixels (V, 2) where they are in the image of a
     `size`, NaN where that is not known. The sides of triangle f bulge by bulges[f] pixels in the
-    image, or none (0,) do. No ray of the image goes where a plane of the
-    `frustum` (P, 3), through the camera, is negative. Of a closed surface the far side is left out. `camera_m` (3,) and the directions of
-    the `light` (3, 3) are in the box's frame.
+    image, or none (0,) do. No ray of the image goes where a plane of the `frustum` (P, 3), through
+    the camera, is negative. Of a closed surface the far side is left out. `camera_m` (3,) and the
+    directions of the `light` (3, 3) are in the box's frame.
     """
     window[0], window[1], window[2], window[3] = size[0], size[1], 0, 0
     face = first
@@ -257,26 +254,36 @@ def choose_faces(
         is_plain = np.isnan(corners.uvs[triangle, 0, 0])
         faces.owners[face] = body
         faces.textures[face] = -1 if is_plain else texture
-        bright = _brightness(corners, triangle, camera_m, light)
-        for channel in range(3):
-            if is_plain:
-                one = bright[0] * corners.colours[triangle, 0, channel]
-                two = bright[1] * corners.colours[triangle, 1, channel]
-                three = bright[2] * corners.colours[triangle, 2, channel]
-            elif channel == 0:
-                one, two, three = bright
-            else:
-                one = np.float64(corners.uvs[triangle, 0, channel - 1])
-                two = np.float64(corners.uvs[triangle, 1, channel - 1])
-                three = np.float64(corners.uvs[triangle, 2, channel - 1])
-            one, two, three = scale * one, scale * two, scale * three
-            found[12 + 3 * channel] = one * px + two * qx + three * rx
-            found[13 + 3 * channel] = one * py + two * qy + three * ry
-            found[14 + 3 * channel] = one * pz + two * qz + three * rz
+        _put_looks(corners, triangle, is_plain, camera_m, light, scale, found)
         window[0], window[1] = min(window[0], bounds[0]), min(window[1], bounds[1])
         window[2], window[3] = max(window[2], bounds[2]), max(window[3], bounds[3])
         face += 1
     return face
+
+
+@borrowing
+def _put_looks(
+    corners: Corners,
+    triangle: int,
+    is_plain: bool,
+    camera_m: npt.NDArray[np.float64],
+    light: npt.NDArray[np.float64],
+    scale: float,
+    planes: Floats,
+) -> None:
+    """Write the last three planes of a face: the weighted sums of the planes of its sides."""
+    bright = _brightness(corners, triangle, camera_m, light)
+    for channel in range(3):
+        for axis in range(3):
+            total = 0.0
+            for corner in range(3):
+                value = bright[corner]
+                if is_plain:
+                    value *= corners.colours[triangle, corner, channel]
+                elif channel > 0:
+                    value = np.float64(corners.uvs[triangle, corner, channel - 1])
+                total += value * planes[3 * corner + axis]
+            planes[12 + 3 * channel + axis] = scale * total
 
 
 @borrowing

@@ -54,11 +54,12 @@ def shade(
     """Put the light of the faces in front into the layer (H, 4 W), and clear these.
 
     The layer has linear red, green, blue, and the covered share, for each pixel of the `window`.
-    `touched` (H, B) are the blocks with such faces. `mask` (H, W) becomes the body that has at least two of a pixel's samples (of two with two each
-    the one with the higher number), `seen` the number of each body's samples, and `spans` (H, 2)
-    the columns of each row that the layer covers. `rays` (3, H, W) are those of pixels. `linear` (256,) are the intensities of sRGB values. A face is shaded once a
-    pixel: along the pixel's own ray where all samples meet it, else along that of a sample. Where
-    all samples see one body, but several faces of it, two samples do.
+    `touched` (H, B) are the blocks with such faces. `mask` (H, W) becomes the body that has at
+    least two of a pixel's samples (of two with two each the one with the higher number), `seen`
+    the number of each body's samples, and `spans` (H, 2) the columns of each row that the layer
+    covers. `rays` (3, H, W) are those of pixels. `linear` (256,) are the intensities of sRGB
+    values. A face is shaded once a pixel: along the pixel's own ray where all samples meet it, else
+    along that of a sample. Where all see one body, but several faces of it, two samples do.
     """
     first, end = window[0] // WIDE, (window[2] + WIDE - 1) // WIDE
     for row in range(np.uint32(window[1]), np.uint32(window[3])):
@@ -75,62 +76,18 @@ def shade(
                 if max(one, two, three, four) < 0:
                     continue
                 column = WIDE * number + place
-                red, green, blue, covered = _ZERO, _ZERO, _ZERO, _ZERO
+                out = layer[row, 4 * column : 4 * column + 4]
                 if one == two and one == three and one == four:
                     which = np.uint32(one)
                     x, y, z = rays[0, row, column], rays[1, row, column], rays[2, row, column]
-                    red, green, blue = _look(x, y, z, faces.planes, which)
-                    if faces.textures[which] >= 0:
-                        part = textures.places[faces.textures[which]]
-                        red, green, blue = _texel(red, green, blue, part, textures.texels, linear)
-                    covered = _ONE
+                    _add(x, y, z, which, _ONE, faces, textures, linear, out)
                     owner = faces.owners[which]
-                    seen[owner] += SAMPLES
+                    seen[np.uint32(owner)] += SAMPLES
                     mask[row, column] = owner
                 else:
                     best, is_one = _count(one, two, three, four, faces.owners, seen)
                     mask[row, column] = best
-                    if is_one:  # inside a body half the samples do
-                        two = three = np.int32(-1)
-                    for sample in range(SAMPLES):
-                        face = (
-                            one
-                            if sample == 0
-                            else two
-                            if sample == 1
-                            else three
-                            if sample == 2
-                            else four
-                        )
-                        is_known = (
-                            (sample > 0 and face == one)
-                            or (sample > 1 and face == two)
-                            or (sample > 2 and face == three)
-                        )
-                        if face < 0 or is_known:
-                            continue
-                        which = np.uint32(face)
-                        count = (
-                            np.int32(one == face)
-                            + np.int32(two == face)
-                            + np.int32(three == face)
-                            + np.int32(four == face)
-                        )
-                        lane = WIDE * sample + place
-                        x, y, z = block[lane], block[LANES + lane], block[2 * LANES + lane]
-                        r, g, b = _look(x, y, z, faces.planes, which)
-                        if faces.textures[which] >= 0:
-                            part = textures.places[faces.textures[which]]
-                            r, g, b = _texel(r, g, b, part, textures.texels, linear)
-                        share = _PART * np.float32(2 * count if is_one else count)
-                        red += share * r
-                        green += share * g
-                        blue += share * b
-                        covered += share
-                layer[row, 4 * column] = red
-                layer[row, 4 * column + 1] = green
-                layer[row, 4 * column + 2] = blue
-                layer[row, 4 * column + 3] = covered
+                    _add_several(block, place, is_one, faces, textures, linear, out)
                 spans[row, 0] = min(spans[row, 0], column)
                 spans[row, 1] = max(spans[row, 1], column + 1)
             for lane in range(LANES):
@@ -164,17 +121,58 @@ def _count(
 
 
 @borrowing
-def _look(
-    x: np.float32, y: np.float32, z: np.float32, planes: Floats, face: int
-) -> tuple[np.float32, np.float32, np.float32]:
-    """Return red, green and blue along a ray to a face; or brightness and place in the texture."""
-    own = planes[face]
+def _add_several(
+    block: Floats,
+    place: int,
+    is_one: bool,
+    faces: Faces,
+    textures: Textures,
+    linear: Floats,
+    out: Floats,
+) -> None:
+    """Add the light of the faces that a pixel of a block sees, each once, at its first sample.
+
+    If all are of one body (`is_one`), only those of the first sample and the last.
+    """
+    step = SAMPLES - 1 if is_one else 1
+    part = np.float32(0.5) if is_one else _PART
+    for sample in range(0, SAMPLES, step):
+        lane = WIDE * sample + place
+        face, share, is_known = block[FRONT_FACE + lane], _ZERO, False
+        for other in range(0, SAMPLES, step):
+            is_same = block[FRONT_FACE + WIDE * other + place] == face
+            share += part if is_same else _ZERO
+            is_known = is_known or (is_same and other < sample)
+        if face >= _ZERO and not is_known:
+            x, y, z = block[lane], block[LANES + lane], block[2 * LANES + lane]
+            _add(x, y, z, np.uint32(face), share, faces, textures, linear, out)
+
+
+@borrowing
+def _add(
+    x: np.float32,
+    y: np.float32,
+    z: np.float32,
+    face: int,
+    share: np.float32,
+    faces: Faces,
+    textures: Textures,
+    linear: Floats,
+    out: Floats,
+) -> None:
+    """Add a share of the light that comes along a ray from a face."""
+    own = faces.planes[face]
     range_m = _ONE / (x * own[9] + y * own[10] + z * own[11])
-    return (
-        (x * own[12] + y * own[13] + z * own[14]) * range_m,
-        (x * own[15] + y * own[16] + z * own[17]) * range_m,
-        (x * own[18] + y * own[19] + z * own[20]) * range_m,
-    )
+    red = (x * own[12] + y * own[13] + z * own[14]) * range_m
+    green = (x * own[15] + y * own[16] + z * own[17]) * range_m
+    blue = (x * own[18] + y * own[19] + z * own[20]) * range_m
+    if faces.textures[face] >= 0:
+        where = textures.places[np.uint32(faces.textures[face])]
+        red, green, blue = _texel(red, green, blue, where, textures.texels, linear)
+    out[0] += share * red
+    out[1] += share * green
+    out[2] += share * blue
+    out[3] += share
 
 
 @borrowing
@@ -262,4 +260,5 @@ def _fading(share: np.float32) -> np.float32:
     left = _ONE - share * share
     left = max(_ZERO, left)
     left *= left
-    return left * left
+    faded: np.float32 = left * left
+    return faded

@@ -46,6 +46,7 @@ class SensorAugmentation:
         self._meshes = meshes
         self._paths: dict[str, SensorPath] = {}
         self._lens_topics: dict[str, str] = {}
+        self._depth_topics: set[str] = set()
         self._lenses: dict[str, Any] = {}
         self._studio = Studio(parameters.rendering, parameters.seed)
 
@@ -65,9 +66,16 @@ class SensorAugmentation:
         """Let the images of a topic wait for the first CameraInfo, which comes on another topic."""
         self._studio.expects_depth |= is_depth
         self._lens_topics[topic] = lens_topic
+        if is_depth:
+            self._depth_topics.add(topic)
 
     def receive_lens(self, topic: str, lens: Any, received_ns: int) -> None:
-        """Use a lens for the images of a topic that are released from now on."""
+        """Use a lens for the images of a topic that are released from now on.
+
+        Its rays are computed now: the first artefact in an image shall not hold it up.
+        """
+        if topic not in self._depth_topics and self._lenses.get(topic) is not lens:
+            self._studio.painter(lens).prepare()
         self._lenses[topic] = lens
         if topic in self._paths:
             self._paths[topic].lens = lens

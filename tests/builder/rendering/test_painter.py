@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from are_ros.builder.rendering.compositing import standard_noise
 from are_ros.builder.rendering.painter import Lighting, PaintedBody, Painter, Painting
 from are_ros.builder.rendering.surface import Surface, corner_normals, to_linear, to_srgb
 from are_ros.world.cameras import FORWARD_FROM_OPTICAL, FisheyeView, PinholeView
@@ -68,7 +69,8 @@ def sample_rays(painter: Painter) -> Floats:
     height, blocks, _ = painter.blocks.shape
     parts = painter.blocks[:, :, :48].reshape(height, blocks, 3, 2, 2, 4)
     rays = parts.transpose(0, 3, 1, 5, 4, 2).reshape(2 * height, 8 * blocks, 3)
-    return rays[:, : 2 * painter.view.width].astype(np.float64)
+    found: Floats = rays[:, : 2 * painter.view.width].astype(np.float64)
+    return found
 
 
 def ranges_of(painter: Painter, body: PaintedBody) -> Floats:
@@ -273,6 +275,46 @@ def test_blur_and_noise_touch_only_what_is_painted() -> None:
     found = [p.pixels for p in (sharp, soft) if p.pixels is not None]
     steps = [np.abs(np.diff(one.astype(int), axis=1)).max() for one in found]
     assert steps[1] < 0.7 * steps[0]
+
+
+def test_a_painter_that_is_prepared_paints_the_same() -> None:
+    """Its rays are there before the first image, and are not computed again."""
+    prepared, body = Painter(DISTORTED), standing(cube(), 2.5, 0.0)
+    prepared.prepare()
+    blocks = vars(prepared)["blocks"]
+    one, other = paint(prepared, [body]), paint(Painter(DISTORTED), [body])
+    assert prepared.blocks is blocks
+    assert one.pixels is not None
+    assert other.pixels is not None
+    assert (one.pixels == other.pixels).all()
+
+
+def test_noise_is_nearly_normal_and_that_of_a_seed() -> None:
+    """Mean, deviation and tails of 200,000 numbers; neighbours and seeds do not go together."""
+    drawn = np.array([[standard_noise(np.uint64(s), k) for k in range(100_000)] for s in (7, 8)])
+    assert drawn.mean() == pytest.approx(0.0, abs=0.01)
+    assert drawn.std() == pytest.approx(1.0, abs=0.01)
+    assert (np.abs(drawn) > 2.0).mean() == pytest.approx(0.0455, abs=0.004)
+    assert np.corrcoef(drawn[0, 1:], drawn[0, :-1])[0, 1] == pytest.approx(0.0, abs=0.015)
+    assert np.corrcoef(drawn)[0, 1] == pytest.approx(0.0, abs=0.015)
+    assert standard_noise(np.uint64(7), 5) == drawn[0, 5]
+
+
+@pytest.mark.parametrize("name", ["distorted", "fisheye"])
+def test_small_triangles_bulge_no_more_than_is_allowed_for(name: str) -> None:
+    """A fine sphere, of triangles of a few pixels, covers what its rays meet."""
+    trimesh = pytest.importorskip("trimesh")
+    ball = trimesh.creation.icosphere(3, radius=0.5)
+    corners = np.asarray(ball.vertices)[ball.faces]
+    surface = Surface.of(corners, np.full((len(corners), 3), 0.5), is_closed=True)
+    painter = Painter(VIEWS[name])
+    for x, y in ((1.6, 0.0), (1.6, 0.9), (3.0, -1.5)):
+        body = standing(surface, x, y)
+        share = quarters(np.isfinite(ranges_of(painter, body)))
+        mask = paint(painter, [body]).mask
+        assert (share == 1.0).any()
+        assert (mask[share == 1.0] == 0).all()
+        assert (mask[share == 0.0] == -1).all()
 
 
 def test_normals_of_a_sphere_are_round_and_those_of_a_cube_are_flat() -> None:
