@@ -124,7 +124,7 @@ def _delivery(spec: BodySpec) -> Solid:
     length, width, height = spec.size_m
     x, y, z = 0.5 * length, 0.5 * width, height
     paint = spec.paint(0.08)
-    trim = shade_of((0.85, 0.3, 0.1), spec.random, 0.3)
+    trim = shade_of((0.85, 0.3, 0.1), spec.generator, 0.3)
     body = tapered(
         (-0.8 * x, -0.8 * y, 0.86 * x, 0.8 * y),
         0.17 * z,
@@ -294,13 +294,13 @@ def serving_robot(spec: BodySpec) -> Solid:
             paint,
         )
         parts += mirrored(rail)
-        for _unused in range(int(spec.random.integers(0, 4))):
+        for _unused in range(int(spec.generator.integers(0, 4))):
             at = (
-                float(spec.random.uniform(-0.4, 0.65)) * x,
-                float(spec.random.uniform(-0.6, 0.6)) * y,
+                float(spec.generator.uniform(-0.4, 0.65)) * x,
+                float(spec.generator.uniform(-0.6, 0.6)) * y,
             )
             base = (shelf + 0.022) * z
-            if spec.random.random() < 0.5:
+            if spec.generator.random() < 0.5:
                 dish = turned(
                     [(base, 0.05), (base + 0.025, 0.09), (base + 0.03, 0.085)],
                     WHITE,
@@ -308,7 +308,7 @@ def serving_robot(spec: BodySpec) -> Solid:
                     sides=14,
                 )
             else:
-                tone = shade_of((0.8, 0.25, 0.2), spec.random, 0.5)
+                tone = shade_of((0.8, 0.25, 0.2), spec.generator, 0.5)
                 dish = turned([(base, 0.03), (base + 0.09, 0.038)], tone, at=at, sides=12)
             parts.append(dish)
     return joined(parts)
