@@ -43,19 +43,11 @@ def disc_robot(spec: BodySpec) -> Solid:
     length, _width, height = spec.size_m
     r, z = 0.5 * length, height
     paint = spec.paint(0.12)
-    plate = [
-        turned(
-            [
-                (a * z, 0.9 * r),
-                ((a + 0.012) * z, 0.93 * r),
-                ((a + 0.035) * z, 0.93 * r),
-                ((a + 0.047) * z, 0.9 * r),
-            ],
-            shaded(paint, 1.15),
-            sides=28,
-        )
-        for a in (0.8,)
-    ]
+    plate = turned(
+        [(0.8 * z, 0.9 * r), (0.812 * z, 0.93 * r), (0.835 * z, 0.93 * r), (0.847 * z, 0.9 * r)],
+        shaded(paint, 1.15),
+        sides=28,
+    )
     posts = [
         rod(
             (0.72 * r * math.cos(a), 0.72 * r * math.sin(a), 0.3 * z),
@@ -85,7 +77,7 @@ def disc_robot(spec: BodySpec) -> Solid:
             at=(0.5 * r, 0.0),
             sides=12,
         ),
-        *plate,
+        plate,
         *posts,
         turned(
             [
