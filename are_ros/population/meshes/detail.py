@@ -44,17 +44,17 @@ def shade_of(colour: Sequence[float], random: np.random.Generator, spread: float
 class BodySpec:
     """What to build: the size of the box (length, width, height) [m], the row's colour, features.
 
-    `random` makes the bodies of a row differ.
+    `generator` makes the bodies of a row differ.
     """
 
     size_m: Point
     colour: Colour
-    random: np.random.Generator
+    generator: np.random.Generator
     features: Mapping[str, str]
 
     def paint(self, spread: float) -> Colour:
         """Return a shade near the row's colour, as `shade_of`."""
-        return shade_of(self.colour, self.random, spread)
+        return shade_of(self.colour, self.generator, spread)
 
 
 def soft_box(low: Point, high: Point, edge_m: float, colour: Colour) -> Solid:

@@ -43,19 +43,11 @@ def disc_robot(spec: BodySpec) -> Solid:
     length, _width, height = spec.size_m
     r, z = 0.5 * length, height
     paint = spec.paint(0.12)
-    plate = [
-        turned(
-            [
-                (a * z, 0.9 * r),
-                ((a + 0.012) * z, 0.93 * r),
-                ((a + 0.035) * z, 0.93 * r),
-                ((a + 0.047) * z, 0.9 * r),
-            ],
-            shaded(paint, 1.15),
-            sides=28,
-        )
-        for a in (0.8,)
-    ]
+    plate = turned(
+        [(0.8 * z, 0.9 * r), (0.812 * z, 0.93 * r), (0.835 * z, 0.93 * r), (0.847 * z, 0.9 * r)],
+        shaded(paint, 1.15),
+        sides=28,
+    )
     posts = [
         rod(
             (0.72 * r * math.cos(a), 0.72 * r * math.sin(a), 0.3 * z),
@@ -85,7 +77,7 @@ def disc_robot(spec: BodySpec) -> Solid:
             at=(0.5 * r, 0.0),
             sides=12,
         ),
-        *plate,
+        plate,
         *posts,
         turned(
             [
@@ -124,7 +116,7 @@ def _delivery(spec: BodySpec) -> Solid:
     length, width, height = spec.size_m
     x, y, z = 0.5 * length, 0.5 * width, height
     paint = spec.paint(0.08)
-    trim = shade_of((0.85, 0.3, 0.1), spec.random, 0.3)
+    trim = shade_of((0.85, 0.3, 0.1), spec.generator, 0.3)
     body = tapered(
         (-0.8 * x, -0.8 * y, 0.86 * x, 0.8 * y),
         0.17 * z,
@@ -294,13 +286,13 @@ def serving_robot(spec: BodySpec) -> Solid:
             paint,
         )
         parts += mirrored(rail)
-        for _unused in range(int(spec.random.integers(0, 4))):
+        for _unused in range(int(spec.generator.integers(0, 4))):
             at = (
-                float(spec.random.uniform(-0.4, 0.65)) * x,
-                float(spec.random.uniform(-0.6, 0.6)) * y,
+                float(spec.generator.uniform(-0.4, 0.65)) * x,
+                float(spec.generator.uniform(-0.6, 0.6)) * y,
             )
             base = (shelf + 0.022) * z
-            if spec.random.random() < 0.5:
+            if spec.generator.random() < 0.5:
                 dish = turned(
                     [(base, 0.05), (base + 0.025, 0.09), (base + 0.03, 0.085)],
                     WHITE,
@@ -308,7 +300,7 @@ def serving_robot(spec: BodySpec) -> Solid:
                     sides=14,
                 )
             else:
-                tone = shade_of((0.8, 0.25, 0.2), spec.random, 0.5)
+                tone = shade_of((0.8, 0.25, 0.2), spec.generator, 0.5)
                 dish = turned([(base, 0.03), (base + 0.09, 0.038)], tone, at=at, sides=12)
             parts.append(dish)
     return joined(parts)

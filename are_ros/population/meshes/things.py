@@ -73,7 +73,7 @@ def _boards(size_m: Point, colour: Colour, random: np.random.Generator) -> list[
 
 def pallet(spec: BodySpec) -> Solid:
     """Return a flat pallet of boards and blocks."""
-    parts = _boards(spec.size_m, spec.colour, spec.random)
+    parts = _boards(spec.size_m, spec.colour, spec.generator)
     return joined([*parts, *_nails(spec.size_m)])
 
 
@@ -97,18 +97,20 @@ def loaded_pallet(spec: BodySpec) -> Solid:
     """Return a pallet with cartons of a size that differs, taped, labelled and strapped."""
     length, width, height = spec.size_m
     deck = min(0.144, 0.3 * height)
-    parts = _boards((length, width, deck), _WOOD, spec.random)
-    across, deep = int(spec.random.integers(2, 4)), int(spec.random.integers(1, 3))
-    layers = int(spec.random.integers(2, 5))
+    parts = _boards((length, width, deck), _WOOD, spec.generator)
+    across, deep = int(spec.generator.integers(2, 4)), int(spec.generator.integers(1, 3))
+    layers = int(spec.generator.integers(2, 5))
     dx, dy, dz = 0.96 * length / across, 0.95 * width / deep, (height - deck) / layers
     for layer in range(layers):
         for i in range(across):
             for j in range(deep):
-                shift = spec.random.uniform(-0.008, 0.008, 2)
+                shift = spec.generator.uniform(-0.008, 0.008, 2)
                 x0, y0 = -0.48 * length + i * dx + shift[0], -0.475 * width + j * dy + shift[1]
                 z0 = deck + layer * dz
                 parts += _carton(
-                    (x0, y0, z0), (x0 + dx - 0.006, y0 + dy - 0.006, z0 + dz - 0.003), spec.random
+                    (x0, y0, z0),
+                    (x0 + dx - 0.006, y0 + dy - 0.006, z0 + dz - 0.003),
+                    spec.generator,
                 )
     strap = spec.paint(0.1)
     for at in (-0.28, 0.24):

@@ -128,7 +128,7 @@ def car(spec: BodySpec) -> Solid:
         hull(xs, sections, tone_at, shaded(paint, 0.9)),
         chassis,
         *wheels(axles, 0.93 * across, radius, 0.24 * across),
-        *_face(spec.size_m, spec.random),
+        *_face(spec.size_m, spec.generator),
         *mirrored(_mirror((cabin.cowl - 0.03) * length, across, 0.64 * height, paint)),
     ]
     for seam in seams[1:]:
@@ -311,7 +311,7 @@ def van(spec: BodySpec) -> Solid:
         skin,
         box((axles[1], -0.6 * across, 0.1 * height), (axles[0], 0.6 * across, 0.34 * height), DARK),
         *wheels(axles, 0.93 * across, radius, 0.24 * across),
-        *_face(spec.size_m, spec.random),
+        *_face(spec.size_m, spec.generator),
         *mirrored(_mirror((cowl - 0.05) * length, across, 0.54 * height, BLACK)),
         box((rear - 0.004, -0.006, 0.2 * height), (rear + 0.05, 0.006, 0.93 * height), DARK),
         *mirrored(
@@ -368,7 +368,7 @@ def lorry(spec: BodySpec) -> Solid:
         return _flank_tone(stripe, paint, is_seam=is_seam)
 
     box_low, box_front = 0.315 * height, cab_rear - 0.1
-    load = shade_of((0.87, 0.87, 0.85), spec.random, 0.06)
+    load = shade_of((0.87, 0.87, 0.85), spec.generator, 0.06)
     rear = -front
     parts = [
         hull(xs, sections, tone_at, shaded(paint, 0.9)),
@@ -412,8 +412,8 @@ def lorry(spec: BodySpec) -> Solid:
             STEEL,
         ),
         box((rear - 0.004, -0.01, box_low + 0.05), (rear + 0.02, 0.01, height - 0.05), DARK),
-        *plate(front - 0.014, 0.19 * height, spec.random),
-        *(turned_back(part) for part in plate(front - 0.12, 0.235 * height, spec.random)),
+        *plate(front - 0.014, 0.19 * height, spec.generator),
+        *(turned_back(part) for part in plate(front - 0.12, 0.235 * height, spec.generator)),
     ]
     parts += [
         soft_box(
@@ -550,7 +550,7 @@ def buggy(spec: BodySpec) -> Solid:
                 (-0.45 * length, y * across - 0.1, 0.385 * height),
                 (-0.45 * length + 0.2, y * across + 0.1, 0.74 * height),
                 0.05,
-                shade_of((0.5, 0.25, 0.2), spec.random, 0.5),
+                shade_of((0.5, 0.25, 0.2), spec.generator, 0.5),
             )
             parts.append(bag)
     else:
