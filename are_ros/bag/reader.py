@@ -1,7 +1,7 @@
 """Recordings of ROS 1 and ROS 2: their topics, and their messages in order of time."""
 
 import heapq
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from operator import itemgetter
@@ -271,6 +271,7 @@ class BagReader:
         self._readers: list[tuple[Path, Any]] = []
         self.is_ros1 = check_paths(self._paths)
         self._types = BagTypes(is_ros1=self.is_ros1)
+        self._expected: dict[str, tuple[str, ...]] = {}
 
     def __enter__(self) -> "BagReader":  # noqa: PYI034 (Self came with Python 3.11)
         """Open the recordings; BagError if one cannot be read or none holds a message."""
@@ -340,12 +341,23 @@ class BagReader:
                 with suppress(BagError):
                     self._types.store_of(connection)
 
+    def expect(self, types: Mapping[str, tuple[str, ...]]) -> None:
+        """Refuse messages of topics, from now on, whose type is none of theirs."""
+        self._expected = dict(types)
+
     def deserialize(self, message: BagMessage) -> Any:
         """Return the message object, its arrays numpy arrays.
 
-        BagError if the recording does not say what the type is, InputError for malformed bytes.
+        BagError if the recording does not say what the type is, InputError for malformed bytes, and
+        for a message of another type than expected.
         """
         connection = message.connection
+        expected = self._expected.get(connection.topic)
+        if expected is not None and connection.msgtype not in expected:
+            raise InputError(
+                f"{connection.topic}: a message is of type {connection.msgtype}, not"
+                f" {' or '.join(expected)}"
+            )
         store = self._types.store_of(connection)
         try:
             if self.is_ros1:

@@ -54,7 +54,8 @@ def scan_points(
     scan: LaserScan, received: LaserScan | None, map_from_sensor: RigidTransform
 ) -> ScanPoints:
     """Return where the beams end, thinned; without the scan as received none is virtual."""
-    returned = (scan.ranges >= scan.range_min_m) & (scan.ranges <= scan.range_max_m)
+    returned = np.isfinite(scan.ranges) & (scan.ranges >= scan.range_min_m)
+    returned &= scan.ranges <= scan.range_max_m
     is_virtual: npt.NDArray[np.bool_] = np.zeros(len(scan.ranges), dtype=np.bool_)
     if received is not None and len(received.ranges) == len(scan.ranges):
         is_virtual = scan.ranges.view(np.uint32) != received.ranges.view(np.uint32)

@@ -102,6 +102,7 @@ def export_coco(recording: Path, folder: Path, image: str, open_progress: OpenPr
     reader = TruthReader(recording)
     topic = _chosen(reader, recording, image)
     images: dict[int, npt.NDArray[np.uint8]] = {}
+    damaged: list[str] = []
     try:
         writer = CocoWriter(folder)
 
@@ -110,7 +111,7 @@ def export_coco(recording: Path, folder: Path, image: str, open_progress: OpenPr
                 taken = read_colour(message, topic)
                 images[taken.stamp_ns] = taken.pixels.rgb()
             except InputError as cause:
-                raise BagError(f"--coco: {cause}") from cause
+                damaged.append(str(cause))
 
         def take_mask(message: Any) -> None:
             mask = read_image(message, topic + _MASK)
@@ -129,7 +130,10 @@ def export_coco(recording: Path, folder: Path, image: str, open_progress: OpenPr
         count = writer.finish()
     except OSError as cause:
         raise BagError(f"--coco {folder}: {why_refused(cause)}") from cause
-    return f"coco: {folder} ({counted(len(writer.images), 'image')}, {counted(count, 'mask')})"
+    found = f"coco: {folder} ({counted(len(writer.images), 'image')}, {counted(count, 'mask')})"
+    if damaged:
+        found += f"; {counted(len(damaged), 'image')} of {topic} left out, the first: {damaged[0]}"
+    return found
 
 
 def _chosen(reader: TruthReader, recording: Path, image: str) -> str:

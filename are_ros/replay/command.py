@@ -233,7 +233,8 @@ def complaints(outcome: Outcome) -> list[str]:
         if (count := refusals.counts[topic])
     ]
     for topic, problem in sorted(outcome.scan_problems.items()):
-        noun = outcome.role_of_topic[topic]
+        role = outcome.role_of_topic[topic]
+        noun = "cloud" if role == "points" else role
         passed = counted(outcome.scans[topic].passed_through, noun)
         lines.append(f"{topic}: {passed} passed through unaugmented, the last for: {problem}")
         if _is_bare(outcome.scans[topic]):

@@ -57,6 +57,18 @@ def test_every_kind_is_read(
         assert texts(reader, topics=("/nix",)) == []
 
 
+def test_a_message_of_another_type_than_expected_is_refused(
+    tmp_path: Path, write_bag: WriteBag, words: list[tuple[str, int, Any]]
+) -> None:
+    """What reads the others would not understand it; other topics are read."""
+    with BagReader([write_bag(tmp_path / "bag.mcap", words)]) as reader:
+        reader.expect({"/a": ("std_msgs/msg/Int32", "std_msgs/msg/Int8"), "/b": (STRING,)})
+        assert [text for _, _, text in texts(reader, topics=("/b",))] == ["one", "three"]
+        refused = r"^/a: a message is of type std_msgs/msg/String, not std_msgs/msg/Int32 or std"
+        with pytest.raises(InputError, match=refused):
+            texts(reader, topics=("/a",))
+
+
 @pytest.mark.parametrize("suffix", [".mcap", ".db3"])
 def test_a_folder_is_read_as_its_file(
     tmp_path: Path, write_bag: WriteBag, words: list[tuple[str, int, Any]], suffix: str

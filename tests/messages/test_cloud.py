@@ -155,3 +155,11 @@ def test_integers_are_no_coordinates() -> None:
     message.fields[1].datatype = 5
     with pytest.raises(InputError, match="fields have no y of one float32"):
         read_points(message)
+
+
+def test_a_coordinate_that_is_there_twice_is_refused() -> None:
+    """Nobody knows which one is meant."""
+    message = packed_cloud(np.ones((1, 2, 3)), order=("x", "y", "z", "intensity"))
+    message.fields[3].name = "x"
+    with pytest.raises(InputError, match="points: fields have more than one x"):
+        read_cloud(message, "points")

@@ -3,18 +3,19 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Final, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros.builder.rendering.painter import PaintedBody
-from are_ros.builder.sensors.image import CompressedImage, Image
+from are_ros.builder.sensors.image import CompressedImage, Image, PictureHeader, picture_header
 from are_ros.builder.sensors.lens import Lens
 from are_ros.builder.sensors.sensor_path import Obstacles
 from are_ros.builder.sensors.studio import Studio
 from are_ros.errors import InputError
 from are_ros.population.artefact import Artefact
+from are_ros.wording import counted
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -30,7 +31,8 @@ _ORDERS: Final = {
 """Where red, green and blue are in a pixel."""
 _LUMA: Final = np.array((0.299, 0.587, 0.114))
 """Shares of red, green and blue in a grey (ITU-R BT.601), as cameras have them."""
-_JPEG, _PNG = b"\xff\xd8\xff", b"\x89PNG"
+_BITS, _WITH_ALPHA = 8, 4
+_MOST_PIXELS: Final = 1 << 26
 
 
 class ColourPixels(Protocol):
@@ -120,12 +122,8 @@ class CompressedColour:
         """See `ColourPixels`."""
         import cv2
 
-        data = self.image.data
-        if self._suffix() == "":
-            raise InputError(f"format {self.image.format!r}: its data are neither JPEG nor PNG")
-        stored = cv2.imdecode(data, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
-        if stored is None:
-            raise InputError(f"format {self.image.format!r}: its data are damaged")
+        self._header()
+        stored = self._decoded(cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
         return np.ascontiguousarray(stored[:, :, ::-1])
 
     def with_rgb(self, painted: Pixels, before: Pixels, quality: int) -> "CompressedColour":
@@ -133,16 +131,43 @@ class CompressedColour:
         import cv2
 
         del before
-        stored = np.ascontiguousarray(painted[:, :, ::-1])
-        if self.image.format.strip().startswith("mono") or "compressed mono" in self.image.format:
+        header, stored = self._header(), np.ascontiguousarray(painted[:, :, ::-1])
+        if header.channels == 1:
             stored = cv2.cvtColor(stored, cv2.COLOR_BGR2GRAY)
-        how = [cv2.IMWRITE_JPEG_QUALITY, quality] if self._suffix() == ".jpg" else []
-        _, data = cv2.imencode(self._suffix(), stored, how)
+        elif header.channels == _WITH_ALPHA:
+            stored = np.dstack((stored, self._decoded(cv2.IMREAD_UNCHANGED)[:, :, 3]))
+        how = [cv2.IMWRITE_JPEG_QUALITY, quality] if header.suffix == ".jpg" else []
+        _, data = cv2.imencode(header.suffix, stored, how)
         return CompressedColour(replace(self.image, data=data.reshape(-1)))
 
-    def _suffix(self) -> str:
-        head = self.image.data[:4].tobytes()
-        return ".jpg" if head.startswith(_JPEG) else ".png" if head == _PNG else ""
+    def _decoded(self, flags: int) -> npt.NDArray[Any]:
+        """Return the pixels as OpenCV reads them; InputError if it cannot."""
+        import cv2
+
+        try:
+            stored = cv2.imdecode(self.image.data, flags)
+        except cv2.error:
+            stored = None
+        if stored is None:
+            raise InputError(f"format {self.image.format!r}: its data are damaged")
+        decoded: npt.NDArray[Any] = stored
+        return decoded
+
+    def _header(self) -> PictureHeader:
+        """Return what the data begin with; InputError if they are not painted on."""
+        name = f"format {self.image.format!r}"
+        try:
+            header = picture_header(self.image.data)
+        except InputError as cause:
+            raise InputError(f"{name}: {cause}") from cause
+        if header.bits > _BITS or header.channels not in (1, 3, _WITH_ALPHA):
+            raise InputError(
+                f"{name}: its pixels have {counted(header.channels, 'number')} of {header.bits}"
+                " bits; grey, RGB and RGBA of 8 bits are painted on"
+            )
+        if header.width * header.height > _MOST_PIXELS:
+            raise InputError(f"{name}: it claims to have {header.width} x {header.height} pixels")
+        return header
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,8 +1,9 @@
 """Images as they were received (sensor_msgs/Image, CompressedImage), pixels and bytes."""
 
 import re
+import struct
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -157,3 +158,51 @@ class CompressedImage:
         data = self.data.view()
         data.flags.writeable = False
         object.__setattr__(self, "data", data)
+
+
+class PictureHeader(NamedTuple):
+    """What a JPEG or PNG says of itself: its size, the numbers of a pixel, and their bits."""
+
+    suffix: str
+    width: int
+    height: int
+    channels: int
+    bits: int
+
+
+_JPEG, _PNG = b"\xff\xd8\xff", b"\x89PNG"
+_PNG_HEADER: Final = struct.Struct(">16xIIBB")
+_PNG_CHANNELS: Final = {0: 1, 2: 3, 3: 3, 4: 2, 6: 4}
+_JPEG_FRAME: Final = struct.Struct(">BHHB")
+_FRAMES: Final = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+"""JPEG's markers of a frame's header."""
+_WITHOUT_LENGTH: Final = frozenset((0x01, *range(0xD0, 0xD9)))
+
+
+def picture_header(data: _Bytes) -> PictureHeader:
+    """Return the header of a JPEG or PNG, uint8 (N,); InputError if it is none, or damaged."""
+    head = data[: _PNG_HEADER.size].tobytes()
+    try:
+        if head.startswith(_PNG):
+            width, height, bits, colour = _PNG_HEADER.unpack(head)
+            return PictureHeader(".png", width, height, _PNG_CHANNELS[colour], bits)
+        if head.startswith(_JPEG):
+            return _jpeg_header(data.tobytes())
+    except (struct.error, IndexError, KeyError) as cause:
+        raise InputError("its data are damaged") from cause
+    raise InputError("its data are neither JPEG nor PNG")
+
+
+def _jpeg_header(data: bytes) -> PictureHeader:
+    """Return the header of a JPEG; struct.error or IndexError if it has none."""
+    at = 2
+    while True:
+        while data[at + 1] == 0xFF:  # bytes that fill up
+            at += 1
+        marker = data[at + 1]
+        if marker in _FRAMES:
+            bits, height, width, channels = _JPEG_FRAME.unpack_from(data, at + 4)
+            return PictureHeader(".jpg", width, height, channels, bits)
+        at += 2
+        if marker not in _WITHOUT_LENGTH:
+            at += max(2, int.from_bytes(data[at : at + 2], "big"))

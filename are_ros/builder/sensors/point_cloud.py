@@ -112,6 +112,8 @@ class PointCloud:
         named = {field.name: field for field in fields}
         for axis in "xyz":
             field = named.get(axis)
+            if sum(field.name == axis for field in fields) > 1:
+                raise InputError(f"{source}: fields have more than one {axis}")
             if field is None or field.datatype not in _FLOATS or field.numbers > 1:
                 have = ", ".join(named) or "none"
                 raise InputError(

@@ -72,7 +72,10 @@ class ColourFrame:
 def _decompressed(data: NDArray[np.uint8]) -> NDArray[np.uint8]:
     import cv2
 
-    pixels = cv2.imdecode(data, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    try:
+        pixels = cv2.imdecode(data, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    except cv2.error:  # of a size that cannot be
+        pixels = None
     if pixels is None:
         raise ValueError("its data cannot be decompressed")
     found: NDArray[np.uint8] = np.asarray(pixels, np.uint8)

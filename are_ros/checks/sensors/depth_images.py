@@ -196,7 +196,10 @@ class DepthFrame:
         if "compressedDepth" not in transport or encoding.strip() not in _KINDS:
             return None
         data = np.asarray(message.data, np.uint8)
-        numbers = cv2.imdecode(data[_HEADER.size :], cv2.IMREAD_UNCHANGED)
+        try:
+            numbers = cv2.imdecode(data[_HEADER.size :], cv2.IMREAD_UNCHANGED)
+        except cv2.error:  # no data, or of a size that cannot be
+            numbers = None
         if numbers is None or numbers.ndim != 2:
             raise ValueError("its PNG cannot be decoded")
         _, a, b = _HEADER.unpack(data[: _HEADER.size].tobytes())

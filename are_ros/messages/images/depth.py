@@ -79,7 +79,10 @@ class CompressedDepth:
         """Return the numbers uint16 (H, W); InputError if the PNG is damaged."""
         import cv2
 
-        numbers = cv2.imdecode(self.image.data[_HEADER.size :], cv2.IMREAD_UNCHANGED)
+        try:
+            numbers = cv2.imdecode(self.image.data[_HEADER.size :], cv2.IMREAD_UNCHANGED)
+        except cv2.error:  # of a size that cannot be
+            numbers = None
         if numbers is None or numbers.shape != self.shape or numbers.dtype != np.uint16:
             raise InputError("its PNG is damaged")
         pixels: npt.NDArray[Any] = numbers

@@ -1,5 +1,6 @@
 """Painted images: their encodings, what refuses, and the depth image of the same time."""
 
+import struct
 from typing import Any
 
 import cv2
@@ -165,6 +166,54 @@ def test_an_image_waits_for_its_depth_image_if_there_are_such() -> None:
     studio.forget()
     studio.keep_depth(DepthImage(RawDepth(Image("other", 0, "16UC1", 0, WIDTH, depths(900)))))
     assert not studio.lacks_depth(image)
+
+
+def compressed(suffix: str, stored: npt.NDArray[Any], form: str = "jpeg") -> CompressedColour:
+    """Return what OpenCV makes of pixels."""
+    data = cv2.imencode(suffix, stored)[1].reshape(-1)
+    return CompressedColour(CompressedImage("eye", 100, form, data))
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".png"])
+def test_grey_stays_grey_whatever_the_format_says(suffix: str, obstacles: Obstacles) -> None:
+    """Many drivers write "jpeg" and no more: the data tell."""
+    done = painted(compressed(suffix, np.full((HEIGHT, WIDTH), 120, np.uint8)), obstacles)
+    assert done.truth is not None
+    assert isinstance(done.pixels, CompressedColour)
+    after = cv2.imdecode(done.pixels.image.data, cv2.IMREAD_UNCHANGED)
+    assert after is not None
+    assert after.shape == (HEIGHT, WIDTH)
+
+
+def test_an_alpha_channel_stays(obstacles: Obstacles) -> None:
+    """Number by number."""
+    stored = np.random.default_rng(4).integers(90, 160, (HEIGHT, WIDTH, 4)).astype(np.uint8)
+    done = painted(compressed(".png", stored, "bgra8; png compressed bgra8"), obstacles)
+    assert isinstance(done.pixels, CompressedColour)
+    after = cv2.imdecode(done.pixels.image.data, cv2.IMREAD_UNCHANGED)
+    assert after is not None
+    assert (after[:, :, 3] == stored[:, :, 3]).all()
+    assert (after[:, :, :3] != stored[:, :, :3]).any()
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".png"])
+def test_a_picture_that_claims_to_be_huge_is_refused(suffix: str, obstacles: Obstacles) -> None:
+    """Before it is decompressed."""
+    pixels = compressed(suffix, np.full((HEIGHT, WIDTH, 3), 120, np.uint8))
+    data, sizes = pixels.image.data.tobytes(), ((">HH", (HEIGHT, WIDTH)), (">II", (WIDTH, HEIGHT)))
+    form, size = sizes[suffix == ".png"]
+    other = data.replace(struct.pack(form, *size), struct.pack(form, 60_000, 60_001), 1)
+    assert other != data
+    broken = CompressedImage("eye", 1, "jpeg", np.frombuffer(other, np.uint8).copy())
+    with pytest.raises(InputError, match=r"it claims to have 6000[01] x 6000[01] pixels"):
+        painted(CompressedColour(broken), obstacles)
+
+
+@pytest.mark.parametrize("shape", [(HEIGHT, WIDTH), (HEIGHT, WIDTH, 3)])
+def test_a_picture_of_16_bits_is_refused(shape: tuple[int, ...], obstacles: Obstacles) -> None:
+    """Painted in 8 it would not be what its format says."""
+    with pytest.raises(InputError, match="of 16 bits; grey, RGB and RGBA of 8 bits are painted on"):
+        painted(compressed(".png", np.full(shape, 30_000, np.uint16)), obstacles)
 
 
 @pytest.mark.parametrize(
