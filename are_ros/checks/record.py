@@ -360,7 +360,12 @@ def at_their_ticks(
 
 
 def real_map(grid: Grid) -> RealMap:
-    """Return a recorded grid as the oracle's map; ValueError where its data do not fit its size."""
+    """Return a recorded grid as the oracle's map.
+
+    ValueError where it has no cell, or its data do not fit its size.
+    """
+    if not grid.cells.size or not grid.resolution_m > 0.0:
+        raise ValueError("it has no cell")
     height_m = grid.origin[2]
     return RealMap(grid.cells, grid.resolution_m, grid.corner, height_m, grid.frame_id, grid.at_ns)
 
@@ -505,13 +510,21 @@ class Reading:
 
     @contextmanager
     def _faults_of(self, message: RecordedMessage) -> Iterator[None]:
-        """Count a malformed message as a fault of its own."""
+        """Count a malformed output as a fault of its own; an input is what somebody recorded."""
         try:
             yield
-        except InputError as error:
+        except (InputError, ValueError, OverflowError) as error:
+            if not message.topic.startswith(PREFIX):
+                self.tally.leave_out("message", "of the inputs that cannot be read")
+                return
+            self._fail(message, error)
+
+    def _fail(self, message: RecordedMessage, error: Exception) -> None:
+        """Count a malformed output."""
+        if isinstance(error, InputError):
             cause = error.__cause__
             what = sentence_of(cause) if isinstance(cause, Exception) else str(error)
             logged = "" if self._files.is_replay else "logged "
             self.tally.fail(f"{message.topic} {logged}{at_s(message.log_ns)}: {what}")
-        except (ValueError, OverflowError) as error:
+        else:
             self.tally.fail(f"{message.topic} {at_s(message.at_ns)}: {error}")

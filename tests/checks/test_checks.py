@@ -1057,6 +1057,26 @@ def test_a_damaged_file_is_a_result(right: Draft, tmp_path: Path) -> None:
         assert "skipped" not in results["mcap reader"].sentence()
 
 
+def test_what_is_wrong_with_an_input_is_no_fault_of_the_results(
+    right: Draft, tmp_path: Path
+) -> None:
+    """A cut scan and a map without cells were refused: they are left out, and all else passes."""
+    draft = copy.deepcopy(right)
+    draft.messages["/scan"].append((START_NS + 5 * MS, b"\x00\x01\x00\x00\x01"))
+    empty = make_grid(np.zeros((1, 1), np.int8), START_NS)
+    empty.info.width, empty.info.height = 0, 0
+    empty.data = np.zeros(0, np.int8)
+    draft.messages["/map"].append((START_NS + 100 * MS, empty))
+    for name in ("/scan", "/map"):
+        draft.messages[name].sort(key=lambda pair: pair[0])
+    results = results_of(draft, tmp_path)
+    assert [one.sentence() for one in results.values() if one.outcome is Outcome.FAILED] == []
+    left_out = "not looked at: 2 messages of the inputs that cannot be read"
+    assert left_out in results["rosbags reader"].sentence()
+    draft.messages[OUT + "scan"].append((START_NS + 60_000 * MS, b"\x00\x01\x00\x00\x01"))
+    assert results_of(draft, tmp_path)["rosbags reader"].outcome is Outcome.FAILED
+
+
 def test_what_cannot_be_checked_is_skipped_with_the_reason(right: Draft, tmp_path: Path) -> None:
     """Without inputs robot, scans and grids are skipped; without parameters what needs them."""
     draft = copy.deepcopy(right)
