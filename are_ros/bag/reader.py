@@ -404,7 +404,14 @@ class BagReader:
                 )
             )
             is_split = len(getattr(getattr(reader, "storage", None), "storages", ())) > 1
-            yield from _in_order(stream, _REORDER_NS) if is_split else stream
+            read = 0
+            for message in _in_order(stream, _REORDER_NS) if is_split else stream:
+                read += 1
+                yield message
+        promised = sum(connection.msgcount for connection in wanted)
+        if start_ns is None and stop_ns is None and read < promised:
+            # rosbags ends in silence at a record of an mcap that it cannot read
+            raise BagError(f"{path}: damaged: {read} of {promised} messages can be read")
 
 
 def _in_order(messages: Iterator[BagMessage], window_ns: int) -> Iterator[BagMessage]:

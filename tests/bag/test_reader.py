@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -55,6 +56,22 @@ def test_every_kind_is_read(
         assert [at for _, at, _ in texts(reader)] == [10, 20, 20, 30]
         assert texts(reader, topics=("/a",), start_ns=20, stop_ns=30) == [("/a", 20, "two")]
         assert texts(reader, topics=("/nix",)) == []
+
+
+def test_messages_that_are_promised_and_missing_are_said(
+    tmp_path: Path, write_bag: WriteBag, words: list[tuple[str, int, Any]]
+) -> None:
+    """The reader of mcap ends in silence at what it cannot read."""
+    with BagReader([write_bag(tmp_path / "bag.mcap", words)]) as reader:
+        ((path, whole),) = reader._readers
+        cut = SimpleNamespace(
+            connections=whole.connections,
+            messages=lambda **selection: list(whole.messages(**selection))[:-1],
+        )
+        reader._readers = [(path, cut)]
+        with pytest.raises(BagError, match=r"bag\.mcap: damaged: 3 of 4 messages can be read"):
+            list(reader.messages())
+        assert len(list(reader.messages(start_ns=0, stop_ns=31))) == 3
 
 
 def test_a_message_of_another_type_than_expected_is_refused(
