@@ -261,6 +261,7 @@ class _Scene:
         crowd, environment = self._crowd()
         mask = environment.classes.free
         crowd.enter(environment, SpawnRegion(mask, None, 1.0), Zones())
+        _find_nearest(crowd)
         for index in range(_TICKS):
             crowd.decisions.decide(index, index * crowd.period_ns, None)
 
@@ -283,6 +284,7 @@ class _Scene:
             if self._tick == 2:
                 _let_walk(builder, self._catalogue, now_ns)
             builder.step(now_ns)
+        _find_nearest(builder.lives.crowd)
 
     def sense(self) -> None:
         """Let them be seen, scanned and mapped."""
@@ -347,6 +349,13 @@ def _let_walk(builder: ArBuilder, catalogue: Catalogue, now_ns: int) -> None:
         with suppress(PlacementError):  # one that is too large for the room walks nowhere
             pose = GroundPose(-2.0, y_m, 0.0, 0.0)
             builder.lives.place(smallest, pose, now_ns, behaviour="walking")
+
+
+def _find_nearest(crowd: CrowdSimulator) -> None:
+    """Find the destination nearest to a point, as those do who look for a meeting."""
+    places = crowd.navigation.places
+    if len(places.destinations_m):
+        places.nearest_to(np.zeros((1, 2)))
 
 
 def _let_collide(builder: ArBuilder) -> None:
