@@ -8,6 +8,7 @@ from are_ros.draw.viewer import MISSING_VISER, has_viser
 from are_ros.errors import BagError
 from are_ros.node.startup import stop_on_signals
 from are_ros.record.demo import DemoOptions, run_demo
+from are_ros.record.demo_summary import summary_of
 from are_ros.record.player import PlayOutcome, play
 from are_ros.record.publishers import PlayOptions
 from are_ros.record.recorder import record
@@ -61,6 +62,8 @@ def demo_command(
     with stop_on_signals(is_last=False) as stop, ProgressBar("demo") as bar:
         outcome = run_demo(wanted, say, bar.open, stop.should_stop)
     say(_played(outcome))
+    for line in summary_of(out / AUGMENTED):
+        say(line)
     draw_recording(out / AUGMENTED, out / "overview.png", film, say)
     say(f"picture      {out / 'overview.png'}")
     if has_viser():

@@ -1,5 +1,6 @@
 """`are demo`: the node, a recorder and a player, as processes over real DDS."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from are_ros.errors import BagError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import read_ros_parameters
+from are_ros.record.demo_summary import summary_of
 from are_ros.replay.command import effective_parameters
 from tests.record.live_runs import (
     MANY,
@@ -76,10 +78,14 @@ def test_the_node_says_farewell(run: str, request: pytest.FixtureRequest) -> Non
 
 
 def test_it_says_what_happened(lockstep_run: Path) -> None:
-    """What was played, and where things are."""
+    """What was played, the summary of the recording, and where things are."""
     said = said_by(lockstep_run).splitlines()
     assert "starting the node (kernels compile for a minute or two the first time)" in said
     assert "played       1363 messages on 9 topics" in said
+    summary = summary_of(lockstep_run / "augmented.mcap")
+    first = said.index(summary[0])
+    assert said[first : first + len(summary)] == summary
+    assert re.fullmatch(r"ticks +152", summary[4])
     assert f"picture      {lockstep_run / 'overview.png'}" in said
     assert any(line.startswith(f"view: {lockstep_run / 'view.html'} (") for line in said)
 
