@@ -1,8 +1,8 @@
 """Painted images: where pixels may change, and whether masks and boxes are where artefacts are."""
 
 import math
-from collections.abc import Iterable, Sequence
-from typing import Any, Final
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from are_ros.checks.sensors.scans import Box, BoxPositions, seen_ns, sensor_pose
 from are_ros.wording import counted
 
 Floats = NDArray[np.float64]
+_List = TypeVar("_List")
 
 _SHADOW_M: Final = 0.6
 """A shadow reaches so far beyond three quarters of the shorter half of a body; of the longer one
@@ -255,16 +256,30 @@ def _check_detections(tally: Tally, where: str, boxes: Any, told: dict[int, Any]
 def _check_scene_boxes(tally: Tally, record: Record) -> None:
     """Compare the boxes of all artefacts with the list of the same tick."""
     scenes = {scene.stamp_ns: scene for scene in record.scenes}
-    for stamp_ns, boxes in record.artefact_boxes:
-        scene = scenes.get(stamp_ns)
+    beside = _beside_lists(tally, record, record.artefact_boxes, scenes, "artefacts")
+    for where, boxes, scene in beside:
+        tally.require(_are_of_scene(boxes, scene), f"{where} are not those of the list")
+
+
+def _beside_lists(
+    tally: Tally,
+    record: Record,
+    told: Sequence[tuple[int, Any]],
+    lists: Mapping[int, _List],
+    whose: str,
+) -> Iterator[tuple[str, Any, _List]]:
+    """Yield for boxes a text that names them, the boxes, and the list of the same stamp.
+
+    Boxes without such a list are left out.
+    """
+    for stamp_ns, boxes in told:
         if _is_farewell(record, stamp_ns, boxes):
             continue
-        if scene is None:
-            tally.leave_out("message", "without its list of artefacts")
+        if stamp_ns not in lists:
+            tally.leave_out("message", f"without its list of the {whose}")
             continue
         tally.look()
-        where = f"{at_s(stamp_ns)} the boxes of the artefacts"
-        tally.require(_are_of_scene(boxes, scene), f"{where} are not those of the list")
+        yield f"{at_s(stamp_ns)} the boxes of the {whose}", boxes, lists[stamp_ns]
 
 
 def _is_farewell(record: Record, stamp_ns: int, boxes: Any) -> bool:
@@ -298,15 +313,8 @@ def _box_numbers(one: Any) -> tuple[float, ...]:
 def _check_perceived_boxes(tally: Tally, record: Record) -> None:
     """Compare the boxes of what is perceived with the list of the same stamp."""
     lists = {message.stamp_ns: message for message in record.perceived}
-    for stamp_ns, boxes in record.perceived_boxes:
-        message = lists.get(stamp_ns)
-        if _is_farewell(record, stamp_ns, boxes):
-            continue
-        if message is None:
-            tally.leave_out("message", "without its list of the perceived")
-            continue
-        tally.look()
-        where = f"{at_s(stamp_ns)} the boxes of the perceived"
+    beside = _beside_lists(tally, record, record.perceived_boxes, lists, "perceived")
+    for where, boxes, message in beside:
         wanted = [_hypotheses(one) for one in message.sightings]
         found = [
             (int(one.id), *((r.hypothesis.class_id, r.hypothesis.score) for r in one.results))
