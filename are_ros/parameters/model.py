@@ -43,7 +43,7 @@ class PopulationParameters:
 
     arrival_rate: float = parameter(
         0.0005,
-        "Rate lambda of arrivals per area and time.",
+        "Rate lambda of arrivals per area and time; of groups, if they have more than one member.",
         unit="1/(m^2 s)",
         low=0.0,
         high=10.0,
