@@ -10,7 +10,6 @@ from typing import Any, Final
 import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks, UnsupportedEventTypeError
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
@@ -18,7 +17,7 @@ from rclpy.serialization import deserialize_message
 from are_ros.errors import AreError, NodeError
 from are_ros.node.heartbeat import HEARTBEAT, HEARTBEAT_TYPE, heartbeat_qos
 from are_ros.node.message_classes import message_class
-from are_ros.node.startup import fatal, ros_context, stop_on_signals
+from are_ros.node.startup import executor_of, fatal, ros_context, stop_on_signals
 
 NAME: Final = "ar_guard"
 _GUARDED: Final = "ar_builder"
@@ -119,10 +118,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         try:
             with ros_context(arguments) as context:
                 guard = Guard(context=context)
-                executor = SingleThreadedExecutor(context=context)
-                executor.add_node(guard)
-                while not stop.is_set and context.ok():
-                    executor.spin_once(timeout_sec=_WAIT_S)
+                with executor_of(guard) as executor:
+                    while not stop.is_set and context.ok():
+                        executor.spin_once(timeout_sec=_WAIT_S)
                 guard.destroy_node()
         except AreError as cause:
             return fatal(NAME, cause)

@@ -115,6 +115,22 @@ def ros_context(arguments: Sequence[str] | None) -> Iterator[Any]:
         context.try_shutdown()
 
 
+@contextmanager
+def executor_of(node: Any) -> Iterator[Any]:
+    """Yield an executor with one thread that has the node; it is shut down before the context is.
+
+    An executor that outlives its context may print a traceback when Python collects it.
+    """
+    from rclpy.executors import SingleThreadedExecutor
+
+    executor = SingleThreadedExecutor(context=node.context)
+    try:
+        executor.add_node(node)
+        yield executor
+    finally:
+        executor.shutdown()
+
+
 # `ar_builder`, the program.
 
 
@@ -154,11 +170,10 @@ def _spin(node: "ArBuilderNode", stop: Stop) -> bool:
     """Run the node until `stop`, then publish the real outputs; return whether it started."""
     node.is_wanted = lambda: not stop.is_set
     try:
-        executor = _executor(node.context)
-        executor.add_node(node)
-        is_running = stop.is_set or node.starts_itself()
-        while is_running and not stop.is_set and node.context.ok():
-            executor.spin_once(timeout_sec=_WAIT_S)
+        with _cheapest_executor_of(node) as executor:
+            is_running = stop.is_set or node.starts_itself()
+            while is_running and not stop.is_set and node.context.ok():
+                executor.spin_once(timeout_sec=_WAIT_S)
     finally:
         node.retire()
         node.flush(_FLUSH_S)
@@ -166,12 +181,15 @@ def _spin(node: "ArBuilderNode", stop: Stop) -> bool:
     return is_running or stop.is_set
 
 
-def _executor(context: Any) -> Any:
-    """Return the cheapest executor: EventsExecutor where this rclpy has one."""
+@contextmanager
+def _cheapest_executor_of(node: Any) -> Iterator[Any]:
+    """Yield EventsExecutor with the node where this rclpy has one, else that with one thread."""
     try:
         from rclpy.experimental import EventsExecutor
     except ImportError:
-        from rclpy.executors import SingleThreadedExecutor
-
-        return SingleThreadedExecutor(context=context)
-    return EventsExecutor(context=context)
+        with executor_of(node) as executor:
+            yield executor
+        return
+    executor = EventsExecutor(context=node.context)
+    executor.add_node(node)
+    yield executor

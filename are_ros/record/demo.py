@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from are_ros.bag.reader import BagReader
@@ -20,6 +19,7 @@ from are_ros.errors import BagError, NodeError
 from are_ros.messages.sensors import SENSORS
 from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.node.message_classes import service_class
+from are_ros.node.startup import executor_of
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import write_ros_parameters
@@ -186,12 +186,10 @@ def _await_active(
     NodeError if one ends, or takes too long.
     """
     deadline_s = time.monotonic() + _READY_S
-    with ros_session("are_demo") as node:
+    with ros_session("are_demo") as node, executor_of(node) as executor:
         client = node.create_client(
             service_class("lifecycle_msgs/srv/GetState"), f"{NODE}/get_state"
         )
-        executor = SingleThreadedExecutor(context=node.context)
-        executor.add_node(node)
         while not should_stop():
             _check_alive(processes, out)
             if time.monotonic() > deadline_s:

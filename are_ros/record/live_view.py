@@ -29,7 +29,7 @@ from are_ros.messages.sensors import sensor_outputs
 from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.node.message_classes import RclpyFactory, message_class, service_class
 from are_ros.node.qos import INPUTS, output_qos, subscribe
-from are_ros.node.startup import stop_on_signals
+from are_ros.node.startup import executor_of, stop_on_signals
 from are_ros.parameters.declaration import Description, describe, value_at, with_values
 from are_ros.parameters.model import Parameters
 from are_ros.record.session import ros_session
@@ -61,9 +61,11 @@ def serve(namespace: str, port: int, say: Say, should_stop: Callable[[], bool]) 
     """
     if not has_viser():
         raise NodeError(MISSING_VISER)
-    with ros_session("are_viewer") as node, _running(port) as server:
-        executor = SingleThreadedExecutor(context=node.context)
-        executor.add_node(node)
+    with (
+        ros_session("are_viewer") as node,
+        executor_of(node) as executor,
+        _running(port) as server,
+    ):
         remote = RemoteNode(node, executor, namespace, should_stop)
         live = LiveView(server, remote, remote.parameters())
         say(f"the running node can be seen at http://localhost:{server.get_port()}; Ctrl-C ends it")

@@ -12,9 +12,8 @@ from tests.ros import NOT_SET_UP, WAIT_S
 
 pytest.importorskip("rclpy", reason=NOT_SET_UP)
 
-from rclpy.executors import SingleThreadedExecutor
-
 from are_ros.draw.viewer import MISSING_VISER, has_viser, start_server, stop_server
+from are_ros.node.startup import executor_of
 from are_ros.parameters.declaration import describe
 from are_ros.parameters.model import Parameters
 from are_ros.record.live_view import LiveView, RemoteNode, slider_range
@@ -42,9 +41,7 @@ def looking() -> Iterator[tuple[LiveView, RemoteNode, Callable[[Callable[[], boo
     """Open the live viewer; the callable goes on until something is the case."""
     server = start_server(0)
     try:
-        with ros_session("are_viewer") as node:
-            executor = SingleThreadedExecutor(context=node.context)
-            executor.add_node(node)
+        with ros_session("are_viewer") as node, executor_of(node) as executor:
             remote = RemoteNode(node, executor, "", lambda: False)
             live = LiveView(server, remote, remote.parameters())
 
