@@ -3,6 +3,7 @@
 import math
 from collections import deque
 from dataclasses import dataclass
+from typing import Final
 
 from are_ros.agents.local_planner.robot import RobotMotion
 from are_ros.conventions import NS_PER_S
@@ -12,6 +13,7 @@ from are_ros.world.footprint import Footprint
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.transforms.tree import FrameTree
 
+WITHOUT_STAMP: Final = "is stamped 0, so nobody knows when it was"
 _USUAL_BASES = ("base_footprint", "base_link")
 
 
@@ -95,7 +97,7 @@ class RobotTracker:
         try:
             stamp_ns = self._frames.latest_before(self._map_frame, frame, now_ns)
             if now_ns - stamp_ns > self._max_age_ns:
-                return None, _too_old(self._map_frame, frame, now_ns - stamp_ns)
+                return None, _too_old(self._map_frame, frame, stamp_ns, now_ns)
             return (stamp_ns, self._frames.lookup(self._map_frame, frame, stamp_ns)), ""
         except FrameError as cause:
             return None, str(cause)
@@ -118,8 +120,10 @@ def _equal(one: RigidTransform, other: RigidTransform) -> bool:
     return bool(same_place and one.rotation_xyzw.tolist() == other.rotation_xyzw.tolist())
 
 
-def _too_old(target: str, source: str, age_ns: int) -> str:
-    return f"the latest transform from '{source}' to '{target}' is {age_ns * 1e-9:.3f} s old"
+def _too_old(target: str, source: str, stamp_ns: int, now_ns: int) -> str:
+    what = f"the latest transform from '{source}' to '{target}'"
+    age_s = (now_ns - stamp_ns) * 1e-9
+    return f"{what} is {age_s:.3f} s old" if stamp_ns else f"{what} {WITHOUT_STAMP}"
 
 
 _SPAN_NS = NS_PER_S // 4

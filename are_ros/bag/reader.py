@@ -42,6 +42,7 @@ _SENTENCES = (
     ("seems to be empty", "the file is empty"),
     ("Profile is not ros2", "it is an MCAP file of another kind than ROS 2"),
     ("Could not load YAML", "its metadata.yaml is malformed"),
+    ("Invalid bag metadata", "its metadata.yaml is empty or no rosbag2 metadata"),
     ("files are missing", "files that its metadata.yaml names are missing"),
     ("database", _DATABASE),
 )
@@ -71,7 +72,7 @@ def sentence_of(error: Exception) -> str:
     name = type(error).__name__
     if isinstance(error, PermissionError):
         return "there is no permission to read it"
-    return f"it cannot be read: {text}" if name in _PLAIN_SPOKEN else f"it is damaged ({name})"
+    return f"it cannot be read: {text}" if name in _PLAIN_SPOKEN else "it is damaged"
 
 
 # Which files are recordings, and their readers.

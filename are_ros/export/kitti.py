@@ -2,7 +2,7 @@
 
 import csv
 import math
-from collections import deque
+from collections import Counter, deque
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -12,7 +12,7 @@ import numpy.typing as npt
 from are_ros.bag.decoded import Sighting
 from are_ros.bag.recording import PREFIX
 from are_ros.builder.sensors.point_cloud import PointCloud
-from are_ros.errors import BagError, FrameError
+from are_ros.errors import BagError, FrameError, InputError
 from are_ros.export.truth import Interval, OpenProgress, TruthReader
 from are_ros.messages.sensors import read_cloud
 from are_ros.wording import counted, why_refused
@@ -28,6 +28,7 @@ _TYPES: Final = {"person": "Pedestrian", "car": "Car"}
 _FULLY, _PARTLY = 0.8, 0.4
 """From these visible fractions on an object is fully visible (0), partly occluded (1); else 2."""
 _NEAR_M: Final = 0.05
+_WITHOUT_TRUTH: Final = "for before or after it nothing is known of the artefacts"
 _EDGES: Final = tuple((a, b) for a in range(8) for b in range(a + 1, 8) if (a ^ b).bit_count() == 1)
 
 
@@ -85,15 +86,15 @@ def export_kitti(recording: Path, folder: Path, cloud: str, open_progress: OpenP
     reader = TruthReader(recording)
     topic = _chosen(reader, recording, cloud)
     waiting: deque[tuple[PointCloud, RigidTransform, RigidTransform, Camera]] = deque()
-    left_out = 0
+    left_out: Counter[str] = Counter()
 
     def take(message: Any) -> None:
-        nonlocal left_out
-        taken = _placed(reader, read_cloud(message, topic))
-        if taken is None:
-            left_out += 1
-        else:
-            waiting.append(taken)
+        try:
+            waiting.append(_placed(reader, read_cloud(message, topic)))
+        except InputError as cause:
+            left_out[str(cause)] += 1
+        except FrameError:
+            left_out["the pose of its sensor or of the camera is not known"] += 1
 
     try:
         writer = KittiWriter(folder)
@@ -103,7 +104,7 @@ def export_kitti(recording: Path, folder: Path, cloud: str, open_progress: OpenP
                 while waiting and waiting[0][0].stamp_ns <= tick.scene.stamp_ns:
                     one = waiting.popleft()
                     if before is None or one[0].stamp_ns < before.scene.stamp_ns:
-                        left_out += 1
+                        left_out[_WITHOUT_TRUTH] += 1
                     else:
                         _add(writer, Interval(before, tick), *one)
                 before = tick
@@ -111,10 +112,10 @@ def export_kitti(recording: Path, folder: Path, cloud: str, open_progress: OpenP
             writer.close()
     except OSError as cause:
         raise BagError(f"--kitti {folder}: {why_refused(cause)}") from cause
-    left_out += len(waiting)
-    rest = f"; {left_out} before or after what is known of artefacts or poses" if left_out else ""
-    boxes = counted(writer.boxes, "labelled box")
-    return f"kitti: {folder} ({counted(writer.frames, 'cloud')}, {boxes}{rest})"
+    left_out[_WITHOUT_TRUTH] += len(waiting)
+    reasons = [f"{count} left out, {why}" for why, count in left_out.items() if count]
+    words = (counted(writer.frames, "cloud"), counted(writer.boxes, "labelled box"))
+    return f"kitti: {folder} ({'; '.join((', '.join(words), *reasons))})"
 
 
 def _chosen(reader: TruthReader, recording: Path, cloud: str) -> str:
@@ -136,20 +137,20 @@ def _chosen(reader: TruthReader, recording: Path, cloud: str) -> str:
 
 def _placed(
     reader: TruthReader, cloud: PointCloud
-) -> tuple[PointCloud, RigidTransform, RigidTransform, Camera] | None:
-    """Return a cloud with the poses of its sensor and of the camera, None if one is not known."""
+) -> tuple[PointCloud, RigidTransform, RigidTransform, Camera]:
+    """Return a cloud with the poses of its sensor and of the camera.
+
+    Raises InputError before the first CameraInfo, FrameError where a pose is not known.
+    """
     camera, frames = reader.robot.camera, reader.robot.tree
     if camera is None:
-        return None
+        raise InputError("there was no CameraInfo yet")
     if not isinstance(camera.view, PinholeView):
         raise BagError("--kitti: KITTI knows flat images only, and this camera has none")
     map_frame = reader.parameters.frames.map
     frame = camera.frame_id or reader.robot.base_frame()
-    try:
-        map_from_sensor = frames.lookup(map_frame, cloud.frame_id, cloud.stamp_ns)
-        map_from_camera = frames.lookup(map_frame, frame, cloud.stamp_ns)
-    except FrameError:
-        return None
+    map_from_sensor = frames.lookup(map_frame, cloud.frame_id, cloud.stamp_ns)
+    map_from_camera = frames.lookup(map_frame, frame, cloud.stamp_ns)
     if not camera.frame_id:
         map_from_camera = map_from_camera @ camera.base_from_optical
     return cloud, map_from_sensor, map_from_camera, camera

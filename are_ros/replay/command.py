@@ -10,7 +10,7 @@ from are_ros.bag.reader import BagReader, recording_in
 from are_ros.bag.recording import find_recording
 from are_ros.bag.roles import read_overrides, sensors_of
 from are_ros.builder.assembly import catalogue_of, parse_static_transforms, replaced_statics
-from are_ros.builder.sensors.sensor_path import SensorPathCounts
+from are_ros.builder.sensors.sensor_path import CLOCKS_DIFFER, SensorPathCounts
 from are_ros.builder.tick import Demand
 from are_ros.describe.configuration import describe_lines
 from are_ros.describe.site import Site, surveyed
@@ -237,7 +237,7 @@ def complaints(outcome: Outcome) -> list[str]:
         noun = "cloud" if role == "points" else role
         passed = counted(outcome.scans[topic].passed_through, noun)
         lines.append(f"{topic}: {passed} passed through unaugmented, the last for: {problem}")
-        if _is_bare(outcome.scans[topic]):
+        if _is_bare(outcome.scans[topic]) and CLOCKS_DIFFER not in problem:
             what = "CameraInfo" if "CameraInfo" in problem else "wait"
             lines[-1] += f"; `are inspect` says which --static-tf or which {what} is missing"
     lines += filter(None, [_about_waiting(outcome)])

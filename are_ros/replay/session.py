@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.agents.robots import WITHOUT_STAMP
 from are_ros.agents.scenario_recorder import ScenarioRecorder
 from are_ros.bag.reader import BagReader
 from are_ros.bag.roles import RolesFound, find_roles
@@ -285,7 +286,9 @@ def _known_map(builder: ArBuilder, replay: Replay) -> OccupancyGrid:
 
 
 def _what_joins(builder: ArBuilder) -> str:
-    """Return the option that joins map and robot."""
+    """Return what joins map and robot: an option, or transforms with stamps."""
+    if builder.robots.missing.endswith(WITHOUT_STAMP):
+        return "let its publisher stamp it, and record anew"
     map_frame, base = builder.parameters.frames.map, builder.robots.base_frame()
     parents = {edge.child: edge.parent for edge in builder.frames.edges()}
     root = root_above(base, parents)

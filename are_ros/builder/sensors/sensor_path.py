@@ -23,6 +23,7 @@ from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.transforms.tree import FrameTree
 
+CLOCKS_DIFFER: Final = "most often clocks differ"
 _WATCHED: Final = 50
 """The delays of transforms are kept for this many readings that did not wait long enough."""
 
@@ -226,7 +227,7 @@ class SensorPath:
             return False
         self._pass_through(
             f"its stamp is {age_ns / NS_PER_S:.1f} s old, but the artefacts' poses are kept for "
-            f"{self._history_ns / NS_PER_S:g} s only (poses.history); most often clocks differ"
+            f"{self._history_ns / NS_PER_S:g} s only (poses.history); {CLOCKS_DIFFER}"
         )
         return True
 
