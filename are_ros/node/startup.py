@@ -139,6 +139,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     On SIGINT and SIGTERM, at any moment, every marker is deleted and the last map is the real one.
     """
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # a damaged picture is told in our sentence
     with stop_on_signals() as stop:
         return run(arguments, stop)
 
