@@ -17,24 +17,33 @@ from tests.oracles.recorded import Frames, read_inputs
 from tests.replay.conftest import RunAre
 
 Floats = npt.NDArray[np.float64]
-CHAIR = """
-scenario: {name: chair, random: false}
-artefacts:
-  - {label: person_child_small, at: [-2.05, -3.4, 0.9]}
+BODIES = (("person_child_small", -2.12, -2.6, 0.35), ("structure_cone", -2.0, -1.83, 0.0))
+"""Both stand partly behind the chair, which the map of the robot does not have."""
+CELLS = 320
+MAP = """
+image: free.pgm
+resolution: 0.05
+origin: [-8.0, -8.0, 0.0]
+negate: 0
+occupied_thresh: 0.65
+free_thresh: 0.25
 """
 
 
 @pytest.fixture(scope="module")
 def redwood(real_data: Path, run_are: RunAre, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the results of the five frames with a child behind the window."""
+    """Return the results of the five frames with a child and a cone behind the chair."""
     folder: Path = tmp_path_factory.mktemp("redwood")
-    (folder / "chair.yaml").write_text(CHAIR)
+    rows = "".join(f"  - {{label: {label}, at: {at}}}\n" for label, *at in BODIES)
+    header = "scenario: {name: chair, random: false}\nartefacts:\n"
+    (folder / "chair.yaml").write_text(header + rows)
+    (folder / "free.yaml").write_text(MAP)
+    (folder / "free.pgm").write_bytes(b"P5 %d %d 255\n" % (CELLS, CELLS) + b"\xfe" * CELLS**2)
     bag = real_data / "redwood-rgbd"
     chosen = ("sensors.masks:=true", "sensors.boxes:=true", "sensors.gate:=all")
     words = (*(word for one in chosen for word in ("--set", one)), "--with-inputs")
-    done = run_are(
-        "replay", bag, "--scenario", folder / "chair.yaml", *words, "--out", folder / "out"
-    )
+    files = ("--scenario", folder / "chair.yaml", "--map", folder / "free.yaml")
+    done = run_are("replay", bag, *files, *words, "--out", folder / "out")
     assert done.returncode == 0, done.stderr
     return folder / "out"
 
@@ -59,9 +68,11 @@ def map_from_camera(frames: Frames, stamp: Any) -> Floats:
     return np.column_stack((turn, shift))
 
 
-def test_the_child_stands_at_one_place_in_all_five_frames(redwood: Path) -> None:
-    """Its mask is what rays meet before what the depth image has, but for edges of a pixel."""
+@pytest.mark.parametrize("body", range(len(BODIES)))
+def test_who_is_behind_the_chair_has_one_place_in_all_five_frames(redwood: Path, body: int) -> None:
+    """The mask is what rays meet before what the depth image has, but for edges of a pixel."""
     trimesh = pytest.importorskip("trimesh")
+    label, x, y, yaw = BODIES[body]
     pytest.importorskip("embreex")
     frames = read_inputs(redwood / "augmented.mcap").frames
     info = messages(redwood, "/camera/camera_info")[0]
@@ -69,16 +80,16 @@ def test_the_child_stands_at_one_place_in_all_five_frames(redwood: Path) -> None
     u, v = np.meshgrid(np.arange(info.width), np.arange(info.height))
     rays = np.stack(((u - cx) / fx, (v - cy) / fy, np.ones_like(u)), axis=2).reshape(-1, 3)
     lengths = np.linalg.norm(rays, axis=1)
-    row = next(r for r in catalogue_of(Parameters()).rows if r.label == "person_child_small")
+    row = next(r for r in catalogue_of(Parameters()).rows if r.label == label)
     masks, images = (messages(redwood, f"/ar_builder/camera/image{end}") for end in ("/mask", ""))
-    child = int(pixels_of(masks[-1], "<i4").max())
-    looks = generator(Parameters().seed, Purpose.APPEARANCE, child)
+    number = int(np.unique(pixels_of(masks[-1], "<i4"))[1 + body])
+    looks = generator(Parameters().seed, Purpose.APPEARANCE, number)
     vertices = drawn_mesh(row, looks).corners_m.reshape(-1, 3) + row.box_centre_in_artefact_m
     faces = np.arange(len(vertices)).reshape(-1, 3)
     low = vertices[:, 2].min()
-    cos, sin = math.cos(0.9), math.sin(0.9)
+    cos, sin = math.cos(yaw), math.sin(yaw)
     turned = vertices @ np.array(((cos, -sin, 0.0), (sin, cos, 0.0), (0.0, 0.0, 1.0))).T
-    body = trimesh.Trimesh(turned + np.array((-2.05, -3.4, -low)), faces, process=False)
+    solid = trimesh.Trimesh(turned + np.array((x, y, -low)), faces, process=False)
     depths = {one.header.stamp.nanosec: one for one in messages(redwood, "/camera/depth")}
     before = {one.header.stamp.nanosec: one for one in messages(redwood, "/camera/image")}
     assert len(images) == 5
@@ -87,7 +98,7 @@ def test_the_child_stands_at_one_place_in_all_five_frames(redwood: Path) -> None
         stamp = mask.header.stamp
         pose = map_from_camera(frames, stamp)
         origins = np.tile(pose[:3, 3], (len(rays), 1))
-        places, which, _ = body.ray.intersects_location(
+        places, which, _ = solid.ray.intersects_location(
             origins, (rays / lengths[:, np.newaxis]) @ pose[:3, :3].T, multiple_hits=False
         )
         hits = np.full(len(rays), np.inf)
@@ -97,15 +108,16 @@ def test_the_child_stands_at_one_place_in_all_five_frames(redwood: Path) -> None
         heights = pose[2, 3] + real * (rays @ pose[2, :3]) / lengths
         is_hidden = (real + 0.02 < hits) & (heights > 0.06)
         wanted = (np.isfinite(hits) & ~is_hidden).reshape(info.height, info.width)
-        found = pixels_of(mask, "<i4").reshape(info.height, info.width) > 0
+        found = pixels_of(mask, "<i4").reshape(info.height, info.width) == number
         near = np.zeros_like(wanted)
         for down in (-1, 0, 1):
             for right in (-1, 0, 1):
                 near |= np.roll(wanted, (down, right), (0, 1)) != wanted
         assert found.sum() > 5_000
-        # Where body and frame of the window are as near, 2 cm decide: a few pixels may differ.
+        # Where body and chair are as near, 2 cm decide: a few pixels may differ.
         assert np.count_nonzero((found != wanted)[~near]) <= 2e-3 * found.sum()
         assert np.count_nonzero(found != wanted) < 0.03 * found.sum()
+        assert is_hidden[np.isfinite(hits)].mean() > 0.02  # the chair is before it
         shown = pixels_of(images_at(images, stamp.nanosec), "u1").reshape(*found.shape, -1)
         real_pixels = pixels_of(before[stamp.nanosec], "u1").reshape(*found.shape, -1)
         assert (shown != real_pixels).any(axis=2)[found].mean() > 0.98
@@ -140,7 +152,7 @@ def test_boxes_and_fractions_are_those_of_the_masks(redwood: Path) -> None:
         for one in truth.artefacts:
             rows, columns = np.nonzero(ids == one.id)
             assert one.visible_pixels == len(rows)
-            assert 0.05 < one.visible_fraction < 1.0  # it stands behind the window's frame
+            assert 0.05 < one.visible_fraction < 1.0  # it stands behind the chair
             (box,) = [box for box in detections.detections if box.id == str(one.id)]
             x, y = box.bbox.center.position.x, box.bbox.center.position.y
             assert (x - 0.5 * box.bbox.size_x, x + 0.5 * box.bbox.size_x) == (
