@@ -13,8 +13,7 @@ from are_ros.bag.decoded import Scene, Sighting
 from are_ros.bag.recording import PREFIX, RecordedMessage, Recording, find_recording
 from are_ros.bag.roles import find_roles
 from are_ros.errors import BagError, InputError
-from are_ros.messages.odometry import OdometryNumbers
-from are_ros.messages.transforms import StampedTransform
+from are_ros.messages.transforms import OdometryNumbers, StampedTransform
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
 from are_ros.replay.progress import Progress

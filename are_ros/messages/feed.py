@@ -16,9 +16,8 @@ from are_ros.messages.common import read_header
 from are_ros.messages.goals import read_path
 from are_ros.messages.images.image import is_rectified
 from are_ros.messages.maps import read_grid, read_points
-from are_ros.messages.odometry import OdometryNumbers
 from are_ros.messages.sensors import CAMERA_INFO, SENSORS, SensorKind, lens_topics
-from are_ros.messages.transforms import StampedTransform
+from are_ros.messages.transforms import OdometryNumbers, StampedTransform
 from are_ros.world.cameras import Camera
 from are_ros.world.rigid_transform import RigidTransform
 

@@ -13,8 +13,7 @@ from are_ros.draw.scene import CameraAt
 from are_ros.errors import FrameError
 from are_ros.messages.camera_info import read_camera_info
 from are_ros.messages.common import read_header
-from are_ros.messages.odometry import OdometryNumbers
-from are_ros.messages.transforms import StampedTransform
+from are_ros.messages.transforms import OdometryNumbers, StampedTransform
 from are_ros.parameters.choices import CameraModel, OdometryUse
 from are_ros.parameters.model import Parameters
 from are_ros.world.cameras import Camera

@@ -18,8 +18,7 @@ from are_ros.draw.scene import ArtefactAt, Moment, ScanPoints, SceneRecord, scan
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.common import read_header
 from are_ros.messages.maps import read_points
-from are_ros.messages.odometry import OdometryNumbers
-from are_ros.messages.transforms import StampedTransform
+from are_ros.messages.transforms import OdometryNumbers, StampedTransform
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
 from are_ros.population.artefact import GroundPose
