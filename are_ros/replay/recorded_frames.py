@@ -9,6 +9,7 @@ from are_ros.builder.assembly import (
     robot_tracker,
     set_static_frames,
 )
+from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import CameraAt
 from are_ros.errors import FrameError
 from are_ros.messages.camera_info import read_camera_info
@@ -30,11 +31,11 @@ _SOURCES: Final = {
 class RecordedFrames:
     """A tree with the static frames of the parameters, fed with transforms and odometry.
 
-    A refused transform is left out: `are check` reports it.
+    It keeps samples for `history_ns`. A refused transform is left out: `are check` reports it.
     """
 
-    def __init__(self, parameters: Parameters) -> None:
-        self.tree = FrameTree()
+    def __init__(self, parameters: Parameters, history_ns: int = 10 * NS_PER_S) -> None:
+        self.tree = FrameTree(history_ns)
         self._parameters = parameters
         self._source = _SOURCES.get(parameters.frames.odometry)
         set_static_frames(parameters, self.tree)
