@@ -80,6 +80,18 @@ class RecordedRobot(RecordedFrames):
         """Return the robot's base: that of the parameters, else base_footprint or base_link."""
         return self._tracker.base_frame()
 
+    def take(self, role: str, value: Any) -> None:
+        """Take a value of `bag.decoded` by its role: tf, tf_static, odom or camera/camera_info."""
+        if role == "camera/camera_info":
+            self.take_camera(value.message)
+        elif role == "odom":
+            self.take_odometry(OdometryNumbers(*value.sample))
+        else:
+            for parent, child, stamp_ns, (x, y, z, *turn) in value.samples:
+                rotation = (turn[0], turn[1], turn[2], turn[3])
+                stamped = StampedTransform(parent, child, stamp_ns, (x, y, z), rotation)
+                self.take_transform(stamped, is_static=role == "tf_static")
+
     def take_camera(self, message: Any, number: int = 0) -> None:
         """Take a CameraInfo of the first camera, or of that number of `camera.others` (from 1).
 

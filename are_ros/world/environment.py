@@ -366,27 +366,14 @@ class Environment:
         All that is outside the grid is wall, too: nothing stands where no map tells of the place
         (an artefact may find itself there when the map becomes smaller). Unknown cells are none.
         """
-        hits = lattice_cover.hits_cells(
-            boxes.packed,
-            self._grid_lattice,
-            self.classes.occupied,
-            self.clearance_m,
-            self.grid.resolution_m,
-            TOUCH_TOLERANCE_M,
-        )
+        hits = self._meets_cells(boxes, self.classes.occupied)
         if self._obstacles is not None:
             hits |= self._hits_voxels(boxes, self._obstacles)
         return hits
 
     def is_placeable(self, boxes: OrientedBoxes) -> NDArray[np.bool_]:
         """Tell which boxes cover free cells inside the grid only, and hit no wall: (N,)."""
-        placeable = lattice_cover.are_free(
-            boxes.packed,
-            self._grid_lattice,
-            self.clearance_m,
-            self.grid.resolution_m,
-            TOUCH_TOLERANCE_M,
-        )
+        placeable = ~self._meets_cells(boxes, self._not_free)
         if self._obstacles is not None:
             free = np.flatnonzero(placeable)
             placeable[free] = ~self._hits_voxels(boxes.take(free), self._obstacles)
@@ -401,6 +388,23 @@ class Environment:
         points_m = np.stack((x * c - y * s, x * s + y * c), axis=-1) + boxes.centres_m[:, None, :2]
         heights_m = self.ground.heights(points_m.reshape(-1, 2)).reshape(len(boxes), len(_SAMPLES))
         return np.partition(heights_m, 4, axis=1)[:, 4]
+
+    def _meets_cells(self, boxes: OrientedBoxes, cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Tell which boxes meet some of the cells that are not free, or reach outside."""
+        return lattice_cover.hits_cells(
+            boxes.packed,
+            self._grid_lattice,
+            cells,
+            self.clearance_m,
+            self.grid.resolution_m,
+            TOUCH_TOLERANCE_M,
+        )
+
+    @cached_property
+    def _not_free(self) -> NDArray[np.bool_]:
+        cells = ~self.classes.free
+        cells.flags.writeable = False
+        return cells
 
     def _hits_voxels(self, boxes: OrientedBoxes, obstacles: "_Obstacles") -> NDArray[np.bool_]:
         floors_m = np.maximum(self.ground_heights_m(boxes), obstacles.lowest_ground_m)
