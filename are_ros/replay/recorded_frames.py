@@ -12,8 +12,8 @@ from are_ros.builder.assembly import (
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import CameraAt
 from are_ros.errors import FrameError
-from are_ros.messages.camera_info import read_camera_info
 from are_ros.messages.common import read_header
+from are_ros.messages.images.image import read_camera_info
 from are_ros.messages.transforms import OdometryNumbers, StampedTransform
 from are_ros.parameters.choices import CameraModel, OdometryUse
 from are_ros.parameters.model import Parameters
