@@ -29,7 +29,7 @@ from are_ros.builder.occlusion.zbuffer import ZBuffer
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.cameras import FORWARD_FROM_OPTICAL, PinholeView
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.voxel_files.reading import read_voxel_file
+from are_ros.world.voxel_files.octomap import read_voxel_file
 from are_ros.world.voxel_map import VoxelMap
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))

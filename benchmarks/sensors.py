@@ -29,7 +29,7 @@ from are_ros.builder.sensors.point_cloud import CloudField, PointCloud
 from are_ros.builder.sensors.sensor_path import Obstacles
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.voxel_files.reading import read_voxel_file
+from are_ros.world.voxel_files.octomap import read_voxel_file
 from are_ros.world.voxel_map import VoxelMap
 
 Floats = npt.NDArray[np.float64]

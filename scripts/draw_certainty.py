@@ -17,7 +17,7 @@ from PIL import Image
 from are_ros.agents.events import PerceivedArtefact
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import catalogue_of
-from are_ros.builder.certainty.detection import detection_probability
+from are_ros.builder.certainty.detector import detection_probability
 from are_ros.builder.scene import Scene
 from are_ros.builder.tick import Demand, Tick
 from are_ros.conventions import NS_PER_S

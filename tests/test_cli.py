@@ -9,9 +9,9 @@ import click
 import pytest
 from click.testing import CliRunner
 
+from are_ros import cli
 from are_ros._version import __version__
-from are_ros.cli import shell
-from are_ros.cli.shell import are, main
+from are_ros.cli import are, main
 from are_ros.errors import BagError
 
 PROJECT = Path(__file__).resolve().parents[1]
@@ -137,7 +137,7 @@ def test_errors_become_a_sentence_and_a_status(
         if raised is not None:
             raise raised
 
-    monkeypatch.setattr(shell, "are", command)
+    monkeypatch.setattr(cli, "are", command)
     assert end_of(monkeypatch) == status
     assert capsys.readouterr().err == sentence
 
@@ -148,7 +148,7 @@ def test_other_errors_are_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
     def command(**_: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr(shell, "are", command)
+    monkeypatch.setattr(cli, "are", command)
     with pytest.raises(ZeroDivisionError):
         main()
 

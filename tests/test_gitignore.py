@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from are_ros.cli.shell import are
+from are_ros.cli import are
 
 PROJECT = Path(__file__).resolve().parents[1]
 OUTPUT = re.compile(r"(?:--out|--plot|--save-scenario|are record) +([a-z][\w./]*)")

@@ -245,7 +245,7 @@ class Odometry:
 class ImageFormat:
     """Of a sensor_msgs/CameraInfo the size in pixels of the image: region and binning applied.
 
-    `message` has all fields, for `messages.camera_info`.
+    `message` has all fields, for `messages.images.image`.
     """
 
     at_ns: int

@@ -15,11 +15,12 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 from are_ros.bag.types import jazzy_typestore
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError
-from are_ros.messages.odometry import OdometryNumbers, read_odometry_numbers
 from are_ros.messages.transforms import (
+    OdometryNumbers,
     StampedTransform,
     decode_transforms_cdr,
     is_plain_cdr,
+    read_odometry_numbers,
     read_transforms,
 )
 

@@ -1,15 +1,15 @@
-"""Recordings of the node, of a replay or of `are record`: files, messages, clock loops, runs.
+"""Recordings of the node, of a replay or of `are record`: files, messages, runs of ticks.
 
 A replay logs every message at its stamp. A live recorder logs a message when it is received: later,
-and perhaps by another clock than that of the stamps. Where a looping recording is played to the
-node, log times stand still or go back. Then the ticks, by their stamps and in the order of the
-file, give the time: `RecordedMessage.at_ns` and `loop`.
+and perhaps by another clock than that of the stamps. Then the ticks, by their stamps and in the
+order of the file, give the time: `RecordedMessage.at_ns`.
 """
 
 import json
 from bisect import bisect_left, bisect_right
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from struct import Struct
 from struct import error as StructError  # noqa: N812
@@ -47,6 +47,7 @@ _METRICS: Final = "metrics.json"
 _METADATA: Final = "metadata.yaml"
 _SUFFIXES: Final = (".mcap", ".db3")
 
+_OWN_TYPES: Final = "are_"
 _MARKER_ARRAY: Final = "visualization_msgs/msg/MarkerArray"
 _STAMPS: Final = (Struct(">iI"), Struct("<iI"))
 _LISTS: Final = (_MARKER_ARRAY, "tf2_msgs/msg/TFMessage")
@@ -54,9 +55,7 @@ _LATCHED: Final = ("/map", "/tf_static")
 _PAST_NS: Final = 2 * NS_PER_S
 """An output whose stamp is this much before the last tick is a relayed message."""
 _JUMP_NS: Final = NS_PER_S
-"""The clock jumped back where a tick is this much earlier than the tick before."""
-_NEIGHBOURS: Final = 500
-"""A message within this many messages of a jump may belong to the other side of it."""
+"""The clock jumped back where an output of ticks is this much earlier than the one before."""
 
 SETTLING_NS: Final = NS_PER_S
 """For this long after the beginning of a run, and before its end, messages may be missing."""
@@ -142,13 +141,6 @@ def _parameters_in(folder: Path) -> Path | None:
     return file if file.is_file() else None
 
 
-class Moment(NamedTuple):
-    """The loop of the clock, counted from 0, and the last tick before, in its time."""
-
-    loop: int
-    tick_ns: int
-
-
 def stamp_of(type_name: str, data: bytes) -> int | None:
     """Return the stamp of a message in CDR whose type begins with a header, or a list of such."""
     offset = 8 if type_name in _LISTS else 4
@@ -160,56 +152,48 @@ def stamp_of(type_name: str, data: bytes) -> int | None:
 
 
 @dataclass
-class Chronology:
-    """The ticks of a recording by the positions of their messages in the file."""
+class LiveTicks:
+    """The ticks of a live recording, by the places of their messages in the file.
 
-    _places: list[int] = field(default_factory=list)
-    _stamps_ns: list[int] = field(default_factory=list)
-    _starts: list[int] = field(default_factory=lambda: [0])
-    """Where in these lists each loop begins."""
+    Messages from the place `end` on are left out: there the clock has jumped back, as where a
+    looping recording is played to the node. None: it never has.
+    """
 
-    @property
-    def loops(self) -> int:
-        """How many loops there are, at least one."""
-        return len(self._starts)
+    places: list[int] = field(default_factory=list)
+    stamps_ns: list[int] = field(default_factory=list)
+    end: int | None = None
 
-    def add_tick(self, place: int, stamp_ns: int) -> None:
-        """Take a tick; places ascend."""
-        if self._stamps_ns and stamp_ns < self._stamps_ns[-1] - _JUMP_NS:
-            self._starts.append(len(self._places))
-        self._places.append(place)
-        self._stamps_ns.append(stamp_ns)
+    @classmethod
+    def of(cls, messages: Iterable["RecordedMessage"]) -> "LiveTicks":
+        """Return the ticks among messages, which come in the order of the file."""
+        ticks, newest_ns = cls(), dict[str, int]()
+        for place, message in enumerate(messages):
+            if not message.type_name.startswith(_OWN_TYPES):
+                continue
+            stamp_ns = stamp_of(message.type_name, message.data)
+            if stamp_ns is None:
+                continue
+            if stamp_ns < newest_ns.get(message.topic, stamp_ns) - _JUMP_NS:
+                ticks.end = place
+                break
+            newest_ns[message.topic] = stamp_ns
+            if message.topic == ARTEFACTS:
+                ticks.places.append(place)
+                ticks.stamps_ns.append(stamp_ns)
+        return ticks
 
-    def moment(self, place: int, stamp_ns: int | None) -> Moment:
-        """Return the moment of a message at a place of the file; near a jump its stamp decides."""
-        if not self._places:
-            return Moment(0, stamp_ns or 0)
-        index = max(bisect_right(self._places, place) - 1, 0)
-        here = bisect_right(self._starts, index) - 1
-        choices = [Moment(here, self._stamps_ns[index])]
-        if stamp_ns is not None:
-            choices += self._beyond(here, place)
-        return min(choices, key=lambda moment: abs(moment.tick_ns - (stamp_ns or 0)))
-
-    def _beyond(self, loop: int, place: int) -> list[Moment]:
-        """Return the ends of the neighbouring loops, where they are near."""
-        found = []
-        first = self._starts[loop]
-        if loop and place - self._places[first] < _NEIGHBOURS:
-            found.append(Moment(loop - 1, self._stamps_ns[first - 1]))
-        if loop + 1 < len(self._starts):
-            after = self._starts[loop + 1]
-            if self._places[after] - place < _NEIGHBOURS:
-                found.append(Moment(loop + 1, self._stamps_ns[after]))
-        return found
+    def before(self, place: int) -> int | None:
+        """Return the last tick before a place, the first one before all; None without ticks."""
+        if not self.places:
+            return None
+        return self.stamps_ns[max(bisect_right(self.places, place) - 1, 0)]
 
 
 class RecordedMessage(NamedTuple):
     """A recorded message; `Recording.decode` makes a value of it.
 
     `at_ns` is the time at which it counts. In a replay that is its log time. Live it is the stamp
-    of an output, and for an input the stamp of the last tick before it in the same loop of the
-    clock. A message that `is_latched` also counts from the beginning of each later loop.
+    of an output, and for an input the stamp of the last tick before it.
     """
 
     topic: str
@@ -217,8 +201,6 @@ class RecordedMessage(NamedTuple):
     log_ns: int
     data: bytes
     at_ns: int = 0
-    loop: int = 0
-    is_latched: bool = False
 
 
 class Recording:
@@ -231,7 +213,7 @@ class Recording:
         self.files = files
         self._reader = BagReader([files.path])
         self._connections: dict[tuple[str, str], Any] = {}
-        self._chronology: Chronology | None = None
+        self._ticks: LiveTicks | None = None
 
     def __enter__(self) -> "Recording":  # noqa: PYI034 (Self came with Python 3.11)
         self._reader.__enter__()
@@ -258,9 +240,9 @@ class Recording:
         return self._reader.start_ns, self._reader.end_ns
 
     @property
-    def loops(self) -> int:
-        """How many loops of the clock it holds; a replay has one."""
-        return 1 if self.files.is_replay else self._clock().loops
+    def has_jump(self) -> bool:
+        """Whether the clock jumps back in it; `messages` ends there. A replay has no jump."""
+        return not self.files.is_replay and self._live_ticks().end is not None
 
     def in_log_order(self, topics: Collection[str] | None) -> Iterator[RecordedMessage]:
         """Yield the messages of some topics in order of log time, which is their `at_ns`."""
@@ -271,15 +253,15 @@ class Recording:
         """Yield the messages of some topics (None: all) with the times at which they count.
 
         Those of a replay come in order of log time, those of a live recording in the order of the
-        file: the topics of `matters` only.
+        file: the topics of `matters` only, up to the first jump of the clock.
         """
         if self.files.is_replay:
             yield from self.in_log_order(topics)
             return
-        clock = self._clock()
-        for place, message in enumerate(self._in_file_order()):
+        ticks = self._live_ticks()
+        for place, message in enumerate(islice(self._in_file_order(), ticks.end)):
             if topics is None or message.topic in topics:
-                yield _timed(message, place, clock)
+                yield _timed(message, ticks.before(place))
 
     def decode(self, message: RecordedMessage) -> Any:
         """Return the value of a message: one of `decoded`, or a list of `MarkerFields`.
@@ -313,17 +295,9 @@ class Recording:
                     topic = channel.topic
                     yield RecordedMessage(topic, types[topic], message.log_time, message.data)
 
-    def _clock(self) -> Chronology:
-        """Read the ticks."""
-        if self._chronology is None:
-            clock = Chronology()
-            for place, message in enumerate(self._in_file_order()):
-                if message.topic == ARTEFACTS:
-                    stamp_ns = stamp_of(message.type_name, message.data)
-                    if stamp_ns is not None:
-                        clock.add_tick(place, stamp_ns)
-            self._chronology = clock
-        return self._chronology
+    def _live_ticks(self) -> LiveTicks:
+        self._ticks = self._ticks or LiveTicks.of(self._in_file_order())
+        return self._ticks
 
 
 def matters(topic: str, type_name: str) -> bool:
@@ -335,18 +309,19 @@ def matters(topic: str, type_name: str) -> bool:
     return type_name in INPUT_TYPES
 
 
-def _timed(message: RecordedMessage, place: int, clock: Chronology) -> RecordedMessage:
-    """Return a message of a live recording with the time at which it counts."""
+def _timed(message: RecordedMessage, tick_ns: int | None) -> RecordedMessage:
+    """Return a message of a live recording, which came after a tick, with its time."""
     is_latched = message.topic in _LATCHED
     stamp_ns = None if is_latched else stamp_of(message.type_name, message.data)
-    loop, tick_ns = clock.moment(place, stamp_ns)
+    tick_ns = stamp_ns or 0 if tick_ns is None else tick_ns
     at_ns = tick_ns
     if stamp_ns is not None:
         is_relayed = stamp_ns < tick_ns - _PAST_NS  # as a real map's may be
         is_drawn = message.topic in _DRAWN and not is_relayed
-        if is_drawn or (message.topic.startswith(PREFIX) and message.type_name.startswith("are_")):
+        is_own = message.topic.startswith(PREFIX) and message.type_name.startswith(_OWN_TYPES)
+        if is_drawn or is_own:
             at_ns = stamp_ns
-    return message._replace(at_ns=at_ns, loop=loop, is_latched=is_latched)
+    return message._replace(at_ns=at_ns)
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,7 @@ from functools import partial
 
 from are_ros.agents.events import ArtefactEvent, SceneMetrics
 from are_ros.builder import assembly
-from are_ros.builder.certainty.perception import Perception
-from are_ros.builder.certainty.view import View
+from are_ros.builder.certainty.perception import Perception, View
 from are_ros.builder.costmap.augmented_map import Grids
 from are_ros.builder.costmap.augmented_octomap import Solid
 from are_ros.builder.costmap.registration import (

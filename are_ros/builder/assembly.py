@@ -7,13 +7,11 @@ from pathlib import Path
 from are_ros.agents.collisions import CollisionResolver, ContactPolicy, Displace, Hold, Remove
 from are_ros.agents.robots import RobotTracker
 from are_ros.builder.certainty.detector import Detector
-from are_ros.builder.costmap.augmented_map import GridAugmentation
+from are_ros.builder.costmap.augmented_map import GateMemory, GridAugmentation, OpenGate, gate_of
 from are_ros.builder.costmap.augmented_octomap import AugmentedOctomap
 from are_ros.builder.costmap.inflation import InflatedCostmap
-from are_ros.builder.environment_marker import EnvironmentDisplay
 from are_ros.builder.files.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
-from are_ros.builder.gates import GateMemory, OpenGate, gate_of
-from are_ros.builder.markers import MarkerDisplay
+from are_ros.builder.markers import EnvironmentDisplay, MarkerDisplay
 from are_ros.builder.observation import Watch
 from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.conventions import seconds_to_ns

@@ -4,7 +4,7 @@
 grid is up to date: in a replay at the tick, in a live recording after a grace period.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, NamedTuple
@@ -316,22 +316,18 @@ def first_difference(wanted: Cells, found: Cells) -> str:
     return f"cell ({row}, {col}) {values}; {counted(len(cells), 'such cell')}"
 
 
-# The maps, their updates and the costmap, tick by tick, through the loops of the clock.
+# The maps, their updates and the costmap, tick by tick.
 
 
-def check_grids(loops: Iterable[tuple[Record, Iterator[GridMessage]]]) -> list[CheckResult]:
-    """Follow the grids through the loops of a recording; the messages are in order of time."""
-    checks: _GridChecks | None = None
-    results: list[CheckResult] = []
-    for record, messages in loops:
-        if record.parameters is None or not record.maps:
-            for _ in messages:  # reading them is a check of its own
-                pass
-            results = _skipped_grids(record)
-            continue
-        checks = checks or _GridChecks(record.parameters, is_live=record.is_live)
-        checks.follow(record, record.parameters, messages)
-    return checks.results() if checks else results
+def check_grids(record: Record, messages: Iterator[GridMessage]) -> list[CheckResult]:
+    """Follow the grids of a recording; the messages are in order of time."""
+    if record.parameters is None or not record.maps:
+        for _ in messages:  # reading them is a check of its own
+            pass
+        return _skipped_grids(record)
+    checks = _GridChecks(record.parameters, is_live=record.is_live)
+    checks.follow(record, record.parameters, messages)
+    return checks.results()
 
 
 def _skipped_grids(record: Record) -> list[CheckResult]:
@@ -381,7 +377,7 @@ class _GridChecks:
     def follow(
         self, record: Record, parameters: Parameters, messages: Iterator[GridMessage]
     ) -> None:
-        """Follow one loop of the clock."""
+        """Follow the ticks."""
         pending, is_first = _MessageQueue(messages), True
         for tick in admitted_by_tick(record, parameters.costmap):
             self._take_others(record, pending.until(tick.scene.at_ns - 1))

@@ -1,4 +1,4 @@
-"""What the checks need of a recording: one record for each loop of the clock."""
+"""What the checks need of a recording, in one record."""
 
 import heapq
 from bisect import bisect_left, bisect_right
@@ -88,7 +88,7 @@ class MarkerShow(NamedTuple):
 
 @dataclass(eq=False)
 class Record:
-    """One loop of the clock: ticks as scenes, other outputs, and the inputs there are; no grids.
+    """Ticks as scenes, other outputs, and the inputs there are; no grids.
 
     `parameters` come from effective.yaml, None without that file. In a replay the times `at_ns` are
     log times. Live, they are times of ticks: an output has the stamp of its tick, an input the
@@ -393,14 +393,14 @@ def _without_repeats(maps: list[RealMap]) -> list[RealMap]:
 
 
 class Reading:
-    """One pass over all but the grids, then one over these for each loop; a context manager.
+    """One pass over all but the grids, then one over these; a context manager.
 
     What is wrong with the file or a message is counted in `tally`.
     """
 
     def __init__(self, files: RecordingFiles, parameters: Parameters | None) -> None:
         self.tally = Tally("rosbags reader", "message")
-        self.records: list[Record] = []
+        self.record = Record(parameters)
         self.topics: frozenset[str] = frozenset()
         self.is_open = self._has_meshes = False
         self._files = files
@@ -410,12 +410,12 @@ class Reading:
 
     def __enter__(self) -> "Reading":  # noqa: PYI034 (Self came with Python 3.11)
         """Open the recording; one that cannot be opened is a fault, and holds no messages."""
-        loops = 1
         with self._faults():
             self._recording.__enter__()
             self.topics = frozenset(self._recording.types)
             self.is_open = True
-            loops = self._recording.loops
+            if self._recording.has_jump:
+                self.tally.note("the clock jumps back: what comes after that is not looked at")
         walls, is_live = walls_of(self._files.path), not self._files.is_replay
         types = self._recording.types if self.is_open else {}
         clouds = [topic for topic, type_name in types.items() if type_name == _CLOUD]
@@ -427,18 +427,16 @@ class Reading:
         infos = {topic for topic, type_name in types.items() if type_name == _INFO}
         inputs = {topic for topic in infos if not topic.startswith(PREFIX)}
         of_depths = {info_topic(topic) for topic in types if _is_depth(topic, types)}
-        for _ in range(loops):
-            record = Record(self._parameters, is_live, walls, self.topics, has_clouds, has_depths)
-            record.has_images = any(_is_painted(topic, types) for topic in types)
-            record.infos_of_depths = frozenset(of_depths if inputs - of_depths else ())
-            self.records.append(record)
+        self.record = Record(self._parameters, is_live, walls, self.topics, has_clouds, has_depths)
+        self.record.has_images = any(_is_painted(topic, types) for topic in types)
+        self.record.infos_of_depths = frozenset(of_depths if inputs - of_depths else ())
         return self
 
     def __exit__(self, *error: object) -> None:
         self._recording.__exit__(*error)
 
     def read_all_but_grids(self) -> None:
-        """Fill `records`, one for each loop."""
+        """Fill `record`."""
         for message in self._messages(self.topics.difference(GRID_TOPICS)):
             self.tally.look()
             with self._faults_of(message):
@@ -446,16 +444,13 @@ class Reading:
                     self._take_markers(message)
                 else:
                     self._take(message, self._recording.decode(message))
-        for record in self.records:
-            if record.is_live:
-                record.settle()
+        if self.record.is_live:
+            self.record.settle()
 
-    def grids(self, loop: int) -> Iterator[GridMessage]:
-        """Yield topic and value of the grids that went out in a loop, in the order of time."""
+    def grids(self) -> Iterator[GridMessage]:
+        """Yield topic and value of the grids that went out, in the order of time."""
         waiting: list[tuple[int, int, str, Any]] = []
         for place, message in enumerate(self._messages(self.topics.intersection(GRID_TOPICS))):
-            if message.loop != loop:
-                continue
             self.tally.look()
             with self._faults_of(message):
                 value = self._recording.decode(message)
@@ -472,22 +467,17 @@ class Reading:
                 yield from self._recording.messages(topics)
 
     def _take(self, message: RecordedMessage, value: Any) -> None:
-        first = self.records[message.loop]
-        if message.topic == ARTEFACTS and first.is_live and not message.loop:
-            # Once the clock has jumped back, log times stand still: they tell nothing then.
-            first.lags_ns.append(message.log_ns - message.at_ns)
-        first.take(message, value)
-        if message.is_latched:
-            for record in self.records[message.loop + 1 :]:
-                record.take(message, replace(value, at_ns=0))
+        if message.topic == ARTEFACTS and self.record.is_live:
+            self.record.lags_ns.append(message.log_ns - message.at_ns)
+        self.record.take(message, value)
 
     def _take_markers(self, message: RecordedMessage) -> None:
         """Keep what markers do; rosbags has to read them, too."""
         markers = self._recording.decode(message)
         if self._has_meshes:
-            self.records[message.loop].take_meshes(markers)
+            self.record.take_meshes(markers)
         changes = tuple(change_of(marker) for marker in markers)
-        self.records[message.loop].shows.append(MarkerShow(message.at_ns, changes))
+        self.record.shows.append(MarkerShow(message.at_ns, changes))
         self._marker_bytes += len(message.data)
         self._marker_messages += 1
         if self._marker_bytes > _OBJECT_BYTES:

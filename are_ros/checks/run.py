@@ -18,7 +18,7 @@ from are_ros.checks.markers import check_marker_fading, check_marker_rules, chec
 from are_ros.checks.oracle.solids import RealMap
 from are_ros.checks.overlaps import check_clutter, check_neighbours, check_robot, check_walls
 from are_ros.checks.record import Reading
-from are_ros.checks.result import CheckResult, Outcome, merged
+from are_ros.checks.result import CheckResult, Outcome
 from are_ros.checks.sensors.octomap import check_octomap
 from are_ros.checks.sensors.painted import check_boxes, check_images
 from are_ros.checks.sensors.scans import check_depths, check_scans
@@ -73,24 +73,21 @@ def check_recording(
         if is_live and reading.is_open and not any(t.startswith(PREFIX) for t in reading.topics):
             raise BagError(f"{files.path}: it holds no topic of the node, none begins {PREFIX}")
         reading.read_all_but_grids()
-        records = reading.records
-        for record in records:
-            record.choose_maps(_read_map(map_file, record.world_frame))
+        record = reading.record
+        record.choose_maps(_read_map(map_file, record.world_frame))
         checks = (*_SCENE_CHECKS, check_farewells) if is_live else _SCENE_CHECKS
         if parameters is not None and parameters.certainty.enabled:
             checks = (*checks, check_certainty, check_predicted)
-        results += [merged([check(record) for record in records]) for check in checks]
-        loops = ((record, reading.grids(number)) for number, record in enumerate(records))
-        results += check_grids(loops)
-    results += [merged(parts) for parts in zip(*map(check_scans, records), strict=True)]
-    if any(record.scans.depths for record in records):
-        results.append(merged([check_depths(record) for record in records]))
-    if any(record.has_images for record in records):
-        results.append(merged([check_images(record) for record in records]))
-    if any(record.has_boxes for record in records):
-        results.append(merged([check_boxes(record) for record in records]))
-    if any(record.octomaps.kept for record in records):
-        results.append(merged([check_octomap(record) for record in records]))
+        results += [check(record) for check in checks]
+        results += check_grids(record, reading.grids())
+    results += check_scans(record)
+    for is_there, check in (
+        (record.scans.depths, check_depths),
+        (record.has_images, check_images),
+        (record.has_boxes, check_boxes),
+        (record.octomaps.kept, check_octomap),
+    ):
+        results += [check(record)] if is_there else []
     return (results[0], reading.tally.result(), *results[1:])
 
 

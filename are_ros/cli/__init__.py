@@ -1,9 +1,57 @@
-"""`are`: the command line, a thin shell over the package."""
+"""`are`: the group of its commands, and the handling of errors.
+
+Exit status: 0 success; 1 an error, printed as one sentence; 2 a usage error; 3 finished, but some
+input was refused or left out, a result could not be written, or a check failed; 130 interrupted.
+"""
 
 import os
+import sys
+from typing import NoReturn
 
-os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # a damaged picture is refused in our sentence
+# OpenCV reads it when it is imported: a damaged picture is refused in our own sentence.
+os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
 
-from are_ros.cli.shell import main
+import click
 
-__all__ = ("main",)
+from are_ros._version import __version__
+from are_ros.cli import live, offline
+from are_ros.cli.options import FAILED, INTERRUPTED
+from are_ros.errors import AreError
+
+
+@click.group(
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+@click.pass_context
+@click.version_option(__version__, prog_name="are")
+def are(context: click.Context) -> None:
+    """ARE: an Augmented Reality Environment for mobile robots.
+
+    Virtual people, cars and pallets in a real robot's place; what its camera could see of
+    them reaches its navigation stack.
+    """
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
+
+
+for _command in (*offline.COMMANDS, *live.COMMANDS):
+    are.add_command(_command)
+
+
+def main() -> None:
+    """Run `are`; an error is one sentence, with exit status 1, or 2 for wrong usage."""
+    try:
+        sys.exit(are(standalone_mode=False))
+    except AreError as error:
+        _fail(str(error), FAILED)
+    except click.UsageError as error:
+        command = error.ctx.command_path if error.ctx else "are"
+        _fail(f"{error.format_message().rstrip('.')} (see `{command} --help`)", error.exit_code)
+    except (KeyboardInterrupt, click.Abort):
+        _fail("interrupted", INTERRUPTED)
+
+
+def _fail(sentence: str, status: int) -> NoReturn:
+    click.secho(f"are: {sentence}", err=True, fg="red")
+    sys.exit(status)

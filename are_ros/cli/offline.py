@@ -383,7 +383,7 @@ def soak(**options: Any) -> None:
 
     from are_ros.builder.assembly import catalogue_of
     from are_ros.lab.soak import soak as run
-    from are_ros.lab.soak_picture import write_soak
+    from are_ros.lab.soak import write_soak
     from are_ros.replay.command import effective_parameters
     from are_ros.world.map_io import read_map_file
 

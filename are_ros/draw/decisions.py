@@ -14,8 +14,8 @@ from are_ros.draw.map import Window, known_part, map_image, window_of
 from are_ros.draw.palette import INK, LAW, WHITE, behaviour_colours, hex_of
 from are_ros.draw.plots import (
     EDGE_HEX,
-    FAINT_INK_HEX,
     INK_HEX,
+    draw_colour_bar,
     name_axes,
     write_head,
     written_figure,
@@ -273,13 +273,7 @@ def _draw_moves(axes: Any, journey: JourneyValues, best: BestMoves, apart_m: flo
 
 def draw_scale(axes: Any, limits: tuple[float, float]) -> None:
     """Draw which colour is which value."""
-    shades = np.linspace(0.0, 1.0, 256)[:, np.newaxis]
-    axes.imshow(shades, cmap=_colours(), aspect="auto", origin="lower", extent=(0, 1, *limits))
-    axes.set_xticks([])
-    axes.yaxis.tick_right()
-    axes.tick_params(labelsize=8, colors=FAINT_INK_HEX, length=3)
-    axes.spines[:].set_visible(False)
-    axes.set_title("value V", fontsize=8.5, color=FAINT_INK_HEX, pad=4)
+    draw_colour_bar(axes, _colours(), limits, "value V")
 
 
 def draw_ways(axes: Any, lives: Lives) -> None:

@@ -82,6 +82,18 @@ def name_axes(axes: Any, title: str, across: str = "", up: str = "") -> None:
         axis.label.set(size=8.5, color=FAINT_INK_HEX)
 
 
+def draw_colour_bar(axes: Any, colours: Any, limits: tuple[float, float], title: str) -> None:
+    """Draw which colour is which number, as an upright bar."""
+    shades = np.linspace(0.0, 1.0, 256)[:, np.newaxis]
+    look = {"aspect": "auto", "origin": "lower", "extent": (0.0, 1.0, *limits)}
+    axes.imshow(shades, cmap=colours, **look)
+    axes.set_xticks([])
+    axes.yaxis.tick_right()
+    axes.tick_params(labelsize=8.5, colors=FAINT_INK_HEX, length=3)
+    axes.spines[:].set_visible(False)
+    axes.set_title(title, fontsize=8.5, color=FAINT_INK_HEX, pad=4)
+
+
 def draw_fit(
     fits: Sequence[MixtureFit],
     chosen: MixtureFit,
@@ -487,7 +499,9 @@ def _draw_arrivals(axes: Any, trial: Trial, site: Site, end_s: float, colours: A
     axes.scatter(*points, c=colours(trial.placed_s[early] / end_s), zorder=3, **look)
     name_axes(axes, "arrivals in space", _caption(trial))
     axes.spines[:].set(visible=True, color=EDGE_HEX)
-    _draw_times(axes.inset_axes((1.015, 0.0, 0.02, 1.0)), end_s, colours)
+    unit_s, name = time_unit(end_s)
+    bar = axes.inset_axes((1.015, 0.0, 0.02, 1.0))
+    draw_colour_bar(bar, colours, (0.0, end_s / unit_s), f"[{name}]")
 
 
 def _caption(trial: Trial) -> str:
@@ -495,19 +509,6 @@ def _caption(trial: Trial) -> str:
     whose = "the first arrival of each group" if trial.chain.is_grouped else "all arrivals"
     count = f"[m]   {counted(len(trial.points_m), 'place')}, of {whose}"
     return f"{count}; in colour: in the time shown"
-
-
-def _draw_times(axes: Any, end_s: float, colours: Any) -> None:
-    """Draw which colour is which time, as an upright bar."""
-    unit_s, name = time_unit(end_s)
-    shades = np.linspace(0.0, 1.0, 256)[:, np.newaxis]
-    look = {"aspect": "auto", "origin": "lower", "extent": (0.0, 1.0, 0.0, end_s / unit_s)}
-    axes.imshow(shades, cmap=colours, **look)
-    axes.set_xticks([])
-    axes.yaxis.tick_right()
-    axes.tick_params(labelsize=8.5, colors=FAINT_INK_HEX, length=3)
-    axes.spines[:].set_visible(False)
-    axes.set_title(f"[{name}]", fontsize=8.5, color=FAINT_INK_HEX, pad=4)
 
 
 def _map_image(survey: Survey, window: Window) -> npt.NDArray[np.uint8]:

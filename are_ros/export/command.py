@@ -21,7 +21,7 @@ from are_ros.replay.progress import ProgressBar
 from are_ros.replay.recorded_scene import RecordedScene, read_recorded_scene
 from are_ros.wording import counted
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.voxel_files.reading import read_voxel_file
+from are_ros.world.voxel_files.octomap import read_voxel_file
 from are_ros.world.voxel_map import VoxelMap
 
 Say = Callable[[str], None]

@@ -13,8 +13,6 @@ from are_ros.bag.decoded import Scene, Sighting
 from are_ros.bag.recording import PREFIX, RecordedMessage, Recording, find_recording
 from are_ros.bag.roles import find_roles
 from are_ros.errors import BagError, InputError
-from are_ros.messages.odometry import OdometryNumbers
-from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
 from are_ros.replay.progress import Progress
@@ -116,16 +114,7 @@ class TruthReader:
 
     def _take(self, message: RecordedMessage, value: Any) -> None:
         """Take a transform, an odometry or a CameraInfo."""
-        role = self._roles[message.topic]
-        if role == "camera/camera_info":
-            try:
-                self.robot.take_camera(value.message)
-            except InputError as cause:
-                raise BagError(f"{message.topic}: {cause}") from cause
-        elif role == "odom":
-            self.robot.take_odometry(OdometryNumbers(*value.sample))
-        else:
-            for parent, child, stamp_ns, (x, y, z, *turn) in value.samples:
-                rotation = (turn[0], turn[1], turn[2], turn[3])
-                transform = StampedTransform(parent, child, stamp_ns, (x, y, z), rotation)
-                self.robot.take_transform(transform, is_static=role == "tf_static")
+        try:
+            self.robot.take(self._roles[message.topic], value)
+        except InputError as cause:
+            raise BagError(f"{message.topic}: {cause}") from cause

@@ -11,14 +11,12 @@ from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.sensors.lens import Lens
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, FrameError, InputError
-from are_ros.messages.camera_info import read_camera_info
 from are_ros.messages.common import read_header
 from are_ros.messages.goals import read_path
-from are_ros.messages.images.image import is_rectified
+from are_ros.messages.images.image import is_rectified, read_camera_info
 from are_ros.messages.maps import read_grid, read_points
-from are_ros.messages.odometry import OdometryNumbers
 from are_ros.messages.sensors import CAMERA_INFO, SENSORS, SensorKind, lens_topics
-from are_ros.messages.transforms import StampedTransform
+from are_ros.messages.transforms import OdometryNumbers, StampedTransform
 from are_ros.world.cameras import Camera
 from are_ros.world.rigid_transform import RigidTransform
 

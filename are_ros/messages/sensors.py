@@ -17,7 +17,6 @@ from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.builder.sensors.point_cloud import CloudField, PointCloud
 from are_ros.builder.sensors.range_reading import RangeReading
 from are_ros.builder.sensors.sensor_path import Reading, ReleasedReading
-from are_ros.messages.camera_info import encode_camera_info
 from are_ros.messages.cdr import CdrWriter
 from are_ros.messages.common import read_array, read_time
 from are_ros.messages.images.colour import (
@@ -28,7 +27,7 @@ from are_ros.messages.images.colour import (
     read_colour,
 )
 from are_ros.messages.images.depth import encode_depth, read_depth
-from are_ros.messages.images.image import camera_info_topic, transport_of
+from are_ros.messages.images.image import camera_info_topic, encode_camera_info, transport_of
 from are_ros.parameters.model import SensorsParameters
 
 

@@ -12,6 +12,7 @@ from are_ros.messages.common import (
     make_quaternion,
     make_vector,
     read_time,
+    read_vector,
 )
 
 
@@ -118,3 +119,27 @@ def encode_transforms_cdr(transforms: Sequence[StampedTransform]) -> bytes:
         writer.text(child)
         writer.pack(_POSE, 8, *place, *turn)
     return writer.message()
+
+
+class OdometryNumbers(NamedTuple):
+    """The fields of an Odometry that are used, unchecked.
+
+    `pose` is x, y, z [m] and a quaternion x, y, z, w. The child frame may be empty.
+    """
+
+    frame_id: str
+    child_frame_id: str
+    stamp_ns: int
+    pose: tuple[float, ...]
+
+
+def read_odometry_numbers(message: Any) -> OdometryNumbers:
+    """Return the numbers of a nav_msgs/Odometry, unchecked."""
+    header, pose = message.header, message.pose.pose
+    rotation = pose.orientation
+    return OdometryNumbers(
+        str(header.frame_id),
+        str(message.child_frame_id),
+        read_time(header.stamp),
+        (*read_vector(pose.position), rotation.x, rotation.y, rotation.z, rotation.w),
+    )

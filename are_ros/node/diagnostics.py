@@ -234,8 +234,8 @@ def statuses(snapshot: NodeSnapshot) -> list[Status]:
     found += [input_status(entry, snapshot.active_s) for entry in snapshot.inputs]
     if snapshot.state is not NodeState.ACTIVE:
         return found
-    found += [_robot(snapshot), _camera(snapshot), _cloud(snapshot)]
     found += [
+        *_frames(snapshot),
         _ticks(snapshot),
         _answers(snapshot),
         _population(snapshot),
@@ -307,27 +307,23 @@ def clock_doubt(snapshot: NodeSnapshot) -> str:
     )
 
 
-def _robot(snapshot: NodeSnapshot) -> Status:
-    problem = snapshot.robot_problem
-    if not problem:
-        return Status(Level.OK, "frames/robot", "its pose in the map is known")
-    level = Level.OK if snapshot.active_s < GRACE_S else Level.ERROR
-    return Status(level, "frames/robot", f"no pose of the robot: {problem}")
-
-
-def _camera(snapshot: NodeSnapshot) -> Status:
-    problem = snapshot.camera_problem
-    if not problem:
-        return Status(Level.OK, "frames/camera", "its pose in the map is known")
-    level = Level.OK if snapshot.active_s < GRACE_S else Level.WARN
-    return Status(level, "frames/camera", f"nothing is perceived: {problem}")
-
-
-def _cloud(snapshot: NodeSnapshot) -> Status:
-    problem = snapshot.cloud_problem
-    if not problem:
-        return Status(Level.OK, "cloud", "no cloud waits")
-    return Status(Level.WARN, "cloud", f"the cloud of voxels is not used yet: {problem}")
+def _frames(snapshot: NodeSnapshot) -> list[Status]:
+    """Return whether robot, camera and cloud have their place; at first none of them need."""
+    is_begun = snapshot.active_s >= GRACE_S
+    no_robot, no_camera = (Level.ERROR, Level.WARN) if is_begun else (Level.OK, Level.OK)
+    known = "its pose in the map is known"
+    parts = (
+        ("frames/robot", snapshot.robot_problem, no_robot, "no pose of the robot", known),
+        ("frames/camera", snapshot.camera_problem, no_camera, "nothing is perceived", known),
+        (
+            *("cloud", snapshot.cloud_problem, Level.WARN),
+            *("the cloud of voxels is not used yet", "no cloud waits"),
+        ),
+    )
+    return [
+        Status(level, name, f"{said}: {problem}") if problem else Status(Level.OK, name, fine)
+        for name, problem, level, said, fine in parts
+    ]
 
 
 def _ticks(snapshot: NodeSnapshot) -> Status:

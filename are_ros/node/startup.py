@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, Final
 from are_ros.errors import AreError, NodeError
 
 if TYPE_CHECKING:
+    from rclpy.node import Node
+
     from are_ros.node.ar_builder_node import ArBuilderNode
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
@@ -113,6 +115,31 @@ def ros_context(arguments: Sequence[str] | None) -> Iterator[Any]:
         yield context
     finally:
         context.try_shutdown()
+
+
+@contextmanager
+def ros_session(name: str, *, has_services: bool = False) -> Iterator["Node"]:
+    """Yield the ROS node of a command, which no executor spins; it is destroyed at the end.
+
+    No signal and no other node ends its context. With `has_services` it has the parameter
+    services, whose requests the caller answers.
+    """
+    from rclpy.node import Node
+    from rclpy.parameter import Parameter
+
+    with ros_context([]) as context:
+        node = Node(
+            name,
+            context=context,
+            use_global_arguments=False,
+            enable_rosout=False,
+            start_parameter_services=has_services,
+            parameter_overrides=[Parameter("start_type_description_service", value=False)],
+        )
+        try:
+            yield node
+        finally:
+            node.destroy_node()
 
 
 @contextmanager

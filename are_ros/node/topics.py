@@ -14,13 +14,14 @@ from rclpy.serialization import deserialize_message
 
 from are_ros.errors import AreError, InputError, NodeError
 from are_ros.messages.feed import OTHER_CAMERA
-from are_ros.messages.odometry import OdometryNumbers, read_odometry_numbers
 from are_ros.messages.sensors import CAMERA_INFO, SENSORS, SensorOutputs, lens_topics
 from are_ros.messages.tick_encoding import OUTPUTS, OutputTopic
 from are_ros.messages.transforms import (
+    OdometryNumbers,
     StampedTransform,
     decode_transforms_cdr,
     is_plain_cdr,
+    read_odometry_numbers,
     read_transforms,
 )
 from are_ros.node.message_classes import message_class

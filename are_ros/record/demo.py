@@ -19,14 +19,13 @@ from are_ros.errors import BagError, NodeError
 from are_ros.messages.sensors import SENSORS
 from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.node.message_classes import service_class
-from are_ros.node.startup import executor_of
+from are_ros.node.startup import executor_of, ros_session
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import write_ros_parameters
 from are_ros.record.player import PlayOutcome, play
 from are_ros.record.publishers import PlayOptions
 from are_ros.record.recorder import NODE_NAME
-from are_ros.record.session import ros_session
 from are_ros.replay.output_folder import AUGMENTED
 from are_ros.replay.progress import Progress
 from are_ros.wording import why_refused

@@ -29,10 +29,9 @@ from are_ros.messages.sensors import sensor_outputs
 from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.node.message_classes import RclpyFactory, message_class, service_class
 from are_ros.node.qos import INPUTS, output_qos, subscribe
-from are_ros.node.startup import executor_of, stop_on_signals
+from are_ros.node.startup import executor_of, ros_session, stop_on_signals
 from are_ros.parameters.declaration import Description, describe, value_at, with_values
 from are_ros.parameters.model import Parameters
-from are_ros.record.session import ros_session
 from are_ros.replay.pictures import place_of
 from are_ros.replay.recorded_scene import AUGMENTED_SCAN, SceneReader, other_camera_roles
 from are_ros.world.cameras import Camera

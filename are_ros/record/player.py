@@ -13,9 +13,9 @@ from are_ros.bag.roles import TF_TYPES, find_roles
 from are_ros.bag.stretches import Window, stretches_of
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
+from are_ros.node.startup import ros_session
 from are_ros.record.lockstep import Lockstep, Pace, ShouldStop
 from are_ros.record.publishers import ClockPublisher, PlayedTopics, PlayOptions, await_subscribers
-from are_ros.record.session import ros_session
 from are_ros.replay.progress import Progress
 from are_ros.wording import duration_text
 

@@ -12,9 +12,9 @@ from rclpy.node import Node
 from are_ros.bag.types import InstalledTypes
 from are_ros.bag.writer import BagWriter
 from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.node.startup import ros_session
 from are_ros.record.file import FileWriter, SimulatedClock, WallClock
 from are_ros.record.inbox import Inbox, Stamped
-from are_ros.record.session import ros_session
 from are_ros.record.topics import RecordOptions, TopicFollower
 from are_ros.wording import counted
 

@@ -9,12 +9,12 @@ from are_ros.builder.assembly import (
     robot_tracker,
     set_static_frames,
 )
+from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import CameraAt
 from are_ros.errors import FrameError
-from are_ros.messages.camera_info import read_camera_info
 from are_ros.messages.common import read_header
-from are_ros.messages.odometry import OdometryNumbers
-from are_ros.messages.transforms import StampedTransform
+from are_ros.messages.images.image import read_camera_info
+from are_ros.messages.transforms import OdometryNumbers, StampedTransform
 from are_ros.parameters.choices import CameraModel, OdometryUse
 from are_ros.parameters.model import Parameters
 from are_ros.world.cameras import Camera
@@ -31,11 +31,11 @@ _SOURCES: Final = {
 class RecordedFrames:
     """A tree with the static frames of the parameters, fed with transforms and odometry.
 
-    A refused transform is left out: `are check` reports it.
+    It keeps samples for `history_ns`. A refused transform is left out: `are check` reports it.
     """
 
-    def __init__(self, parameters: Parameters) -> None:
-        self.tree = FrameTree()
+    def __init__(self, parameters: Parameters, history_ns: int = 10 * NS_PER_S) -> None:
+        self.tree = FrameTree(history_ns)
         self._parameters = parameters
         self._source = _SOURCES.get(parameters.frames.odometry)
         set_static_frames(parameters, self.tree)
@@ -79,6 +79,18 @@ class RecordedRobot(RecordedFrames):
     def base_frame(self) -> str:
         """Return the robot's base: that of the parameters, else base_footprint or base_link."""
         return self._tracker.base_frame()
+
+    def take(self, role: str, value: Any) -> None:
+        """Take a value of `bag.decoded` by its role: tf, tf_static, odom or camera/camera_info."""
+        if role == "camera/camera_info":
+            self.take_camera(value.message)
+        elif role == "odom":
+            self.take_odometry(OdometryNumbers(*value.sample))
+        else:
+            for parent, child, stamp_ns, (x, y, z, *turn) in value.samples:
+                rotation = (turn[0], turn[1], turn[2], turn[3])
+                stamped = StampedTransform(parent, child, stamp_ns, (x, y, z), rotation)
+                self.take_transform(stamped, is_static=role == "tf_static")
 
     def take_camera(self, message: Any, number: int = 0) -> None:
         """Take a CameraInfo of the first camera, or of that number of `camera.others` (from 1).

@@ -4,13 +4,14 @@ import math
 from collections import OrderedDict, deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from are_ros.agents.events import ArtefactEvent, EventKind, SceneMetrics
-from are_ros.bag.decoded import Event, Grid, Metrics, Odometry, Perceived, Scan, Scene, Transforms
+from are_ros.bag.decoded import Event, Grid, Metrics, Perceived, Scan, Scene
 from are_ros.bag.recording import PREFIX, Recording, find_recording
 from are_ros.bag.roles import find_roles, slashed
 from are_ros.builder.sensors.laser_scan import LaserScan
@@ -18,8 +19,6 @@ from are_ros.draw.scene import ArtefactAt, Moment, ScanPoints, SceneRecord, scan
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.common import read_header
 from are_ros.messages.maps import read_points
-from are_ros.messages.odometry import OdometryNumbers
-from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
 from are_ros.population.artefact import GroundPose
@@ -40,7 +39,8 @@ Keep = Callable[[Moment, Camera | None], None]
 SCAN, AUGMENTED_SCAN = "scan", "augmented_scan"
 """The roles of scans as the laser gave them, and as the node gave them out."""
 CLOUD: Final = "octomap_point_cloud_centers"
-_ROLES: Final = ("tf", "tf_static", "odom", "camera/camera_info", "map")
+_ROBOT_ROLES: Final = ("tf", "tf_static", "odom", "camera/camera_info")
+_ROLES: Final = (*_ROBOT_ROLES, "map")
 _OUTPUTS: Final = ("artefacts", "perceived", "events", "metrics")
 _AUGMENTED: Final = "augmented_map"
 _OTHER_CAMERA: Final = "other_camera_info/"
@@ -163,10 +163,7 @@ class SceneReader:
             "perceived": self._take_perceived,
             "events": self._take_event,
             "metrics": self._take_metrics,
-            "tf": self._take_transforms,
-            "tf_static": lambda value: self._take_transforms(value, is_static=True),
-            "odom": self._take_odometry,
-            "camera/camera_info": lambda image: self._robot.take_camera(image.message),
+            **{role: partial(self._robot.take, role) for role in _ROBOT_ROLES},
             "map": self._take_map,
             _AUGMENTED: self._take_augmented,
             CLOUD: self._take_cloud,
@@ -247,15 +244,6 @@ class SceneReader:
     def _take_metrics(self, metrics: Metrics) -> None:
         fields = {name: getattr(metrics, name) for name in SceneMetrics.__dataclass_fields__}
         self._metrics[metrics.stamp_ns] = SceneMetrics(**fields)
-
-    def _take_transforms(self, transforms: Transforms, *, is_static: bool = False) -> None:
-        for parent, child, stamp_ns, (x, y, z, *turn) in transforms.samples:
-            rotation = (turn[0], turn[1], turn[2], turn[3])
-            stamped = StampedTransform(parent, child, stamp_ns, (x, y, z), rotation)
-            self._robot.take_transform(stamped, is_static=is_static)
-
-    def _take_odometry(self, odometry: Odometry) -> None:
-        self._robot.take_odometry(OdometryNumbers(*odometry.sample))
 
     def _take_map(self, value: Grid) -> None:
         grid = grid_of(value, "map")

@@ -49,7 +49,7 @@ from are_ros.replay.timeline import (
 from are_ros.wording import counted
 from are_ros.world.map_io import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.voxel_files.reading import read_voxel_file
+from are_ros.world.voxel_files.octomap import read_voxel_file
 from are_ros.world.voxel_map import VoxelMap
 
 # Map and octomap from files beside the recording.

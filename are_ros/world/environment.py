@@ -75,30 +75,15 @@ def flood_floor(
     return tops
 
 
-@compiled
-def fill_from_nearest(tops: npt.NDArray[np.int32], unknown: int) -> None:
-    """Give each unknown column the value of a nearest known one (4-neighbour steps), in place.
+def filled_from_nearest(tops: npt.NDArray[np.int32], unknown: int) -> npt.NDArray[np.int32]:
+    """Return tops (nx, ny) with each unknown one as a nearest known one, in 4-neighbour steps."""
+    from scipy.ndimage import distance_transform_cdt
 
-    Of several equally near, the one that the breadth-first search in C order meets first.
-    """
-    nx, ny = tops.shape
-    queue = np.empty((nx * ny, 2), dtype=np.int32)
-    end = 0
-    for i in range(nx):
-        for j in range(ny):
-            if tops[i, j] != unknown:
-                queue[end, 0], queue[end, 1] = i, j
-                end += 1
-    start = 0
-    while start < end:
-        i, j = queue[start, 0], queue[start, 1]
-        start += 1
-        for di, dj in ((-1, 0), (0, -1), (0, 1), (1, 0)):
-            a, b = i + di, j + dj
-            if 0 <= a < nx and 0 <= b < ny and tops[a, b] == unknown:
-                tops[a, b] = tops[i, j]
-                queue[end, 0], queue[end, 1] = a, b
-                end += 1
+    nearest = distance_transform_cdt(
+        tops == unknown, "taxicab", return_distances=False, return_indices=True
+    )
+    filled: npt.NDArray[np.int32] = tops[tuple(nearest)]
+    return filled
 
 
 _WINDOW_M: Final = 0.4
@@ -183,8 +168,7 @@ class VoxelGround:
             tops = flood_floor(voxels.occupied, level, step, int(_UNKNOWN))
             seen = _gentle(tops, (size_x, size_y, size_z), step)
             tops[~seen] = _UNKNOWN
-            fill_from_nearest(tops, int(_UNKNOWN))
-            heights_m = base_m + tops * size_z
+            heights_m = base_m + filled_from_nearest(tops, int(_UNKNOWN)) * size_z
         return cls(voxels.map_from_lattice, (size_x, size_y), heights_m, seen)
 
     def lowest_m(self) -> float:
@@ -382,27 +366,14 @@ class Environment:
         All that is outside the grid is wall, too: nothing stands where no map tells of the place
         (an artefact may find itself there when the map becomes smaller). Unknown cells are none.
         """
-        hits = lattice_cover.hits_cells(
-            boxes.packed,
-            self._grid_lattice,
-            self.classes.occupied,
-            self.clearance_m,
-            self.grid.resolution_m,
-            TOUCH_TOLERANCE_M,
-        )
+        hits = self._meets_cells(boxes, self.classes.occupied)
         if self._obstacles is not None:
             hits |= self._hits_voxels(boxes, self._obstacles)
         return hits
 
     def is_placeable(self, boxes: OrientedBoxes) -> NDArray[np.bool_]:
         """Tell which boxes cover free cells inside the grid only, and hit no wall: (N,)."""
-        placeable = lattice_cover.are_free(
-            boxes.packed,
-            self._grid_lattice,
-            self.clearance_m,
-            self.grid.resolution_m,
-            TOUCH_TOLERANCE_M,
-        )
+        placeable = ~self._meets_cells(boxes, self._not_free)
         if self._obstacles is not None:
             free = np.flatnonzero(placeable)
             placeable[free] = ~self._hits_voxels(boxes.take(free), self._obstacles)
@@ -417,6 +388,23 @@ class Environment:
         points_m = np.stack((x * c - y * s, x * s + y * c), axis=-1) + boxes.centres_m[:, None, :2]
         heights_m = self.ground.heights(points_m.reshape(-1, 2)).reshape(len(boxes), len(_SAMPLES))
         return np.partition(heights_m, 4, axis=1)[:, 4]
+
+    def _meets_cells(self, boxes: OrientedBoxes, cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Tell which boxes meet some of the cells that are not free, or reach outside."""
+        return lattice_cover.hits_cells(
+            boxes.packed,
+            self._grid_lattice,
+            cells,
+            self.clearance_m,
+            self.grid.resolution_m,
+            TOUCH_TOLERANCE_M,
+        )
+
+    @cached_property
+    def _not_free(self) -> NDArray[np.bool_]:
+        cells = ~self.classes.free
+        cells.flags.writeable = False
+        return cells
 
     def _hits_voxels(self, boxes: OrientedBoxes, obstacles: "_Obstacles") -> NDArray[np.bool_]:
         floors_m = np.maximum(self.ground_heights_m(boxes), obstacles.lowest_ground_m)

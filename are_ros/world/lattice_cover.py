@@ -150,33 +150,10 @@ def hits_cells(
     unit: float,
     tolerance_m: float,
 ) -> _Mask:
-    """Tell which footprints meet an occupied cell or reach outside the grid.
-
-    The field is the distance from all that is not free, the cells outside the grid among it.
-    """
-    out = np.zeros(packed.shape[0], np.bool_)
-    distances = np.zeros(packed.shape[0], np.float32)  # at the centres, 0 outside of the field
-    for i in range(packed.shape[0]):  # in a loop of its own: the processor waits for many at once
-        dx, dy = packed[i, 0] - lattice[0], packed[i, 1] - lattice[1]
-        x = (dx * lattice[2] + dy * lattice[3]) / lattice[4]
-        y = (dy * lattice[2] - dx * lattice[3]) / lattice[5]
-        if 0.0 <= x < field.shape[1] and 0.0 <= y < field.shape[0]:
-            distances[i] = field[np.int64(y), np.int64(x)]
-    for i in range(packed.shape[0]):
-        reach = np.sqrt(packed[i, 5] ** 2 + packed[i, 6] ** 2) / min(lattice[4], lattice[5])
-        if distances[i] <= (reach + TWO_HALF_DIAGONALS) * unit:
-            out[i] = meets(packed, i, lattice, occupied, True, field, unit, tolerance_m)
-    return out
-
-
-@compiled
-def are_free(
-    packed: _FloatArray, lattice: _FloatArray, field: _Field, unit: float, tolerance_m: float
-) -> _Mask:
-    """Tell which footprints cover free cells of the grid only; the field is 0 on the others."""
+    """Tell which footprints meet an occupied cell or reach outside the grid; see `meets`."""
     out = np.zeros(packed.shape[0], np.bool_)
     for i in range(packed.shape[0]):
-        out[i] = not meets(packed, i, lattice, field, 0.0, field, unit, tolerance_m)
+        out[i] = meets(packed, i, lattice, occupied, True, field, unit, tolerance_m)
     return out
 
 

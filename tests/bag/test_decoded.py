@@ -28,7 +28,7 @@ def test_every_message_of_a_replay_becomes_a_value(draft: Draft, tmp_path: Path)
     """Outputs and inputs alike, in order of log time, which is when they count."""
     kinds: Counter[type] = Counter()
     with Recording(find_recording(draft.write(tmp_path))) as recording:
-        assert recording.loops == 1
+        assert not recording.has_jump
         counts = {topic.name: topic.count for topic in recording.topics}
         assert counts == {topic: len(m) for topic, m in draft.messages.items()}
         last_ns = 0
@@ -73,7 +73,6 @@ def test_live_outputs_count_at_their_stamps_and_inputs_after_a_tick(
     at_ns = [m.at_ns for m in read if m.topic == "/ar_builder/artefacts"]
     assert tuple(at_ns) == TICKS_NS
     assert {m.at_ns for m in read if m.topic in INPUT_TYPES} <= set(TICKS_NS)
-    assert {m.topic for m in read if m.is_latched} == {"/map", "/tf_static"}
 
 
 def test_bytes_that_are_no_such_message_are_an_input_error(draft: Draft, tmp_path: Path) -> None:

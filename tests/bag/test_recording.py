@@ -1,12 +1,20 @@
-"""Runs of ticks, farewells, loops of the clock, and which tick a message belongs to."""
+"""Runs of ticks, farewells, jumps of the clock, and which tick a message belongs to."""
 
 import struct
+from collections.abc import Iterable, Iterator
 
 import numpy as np
-import pytest
 
 from are_ros.bag.decoded import Scene
-from are_ros.bag.recording import Chronology, Moment, Runs, part_farewells, runs_of, stamp_of
+from are_ros.bag.recording import (
+    ARTEFACTS,
+    LiveTicks,
+    RecordedMessage,
+    Runs,
+    part_farewells,
+    runs_of,
+    stamp_of,
+)
 from are_ros.conventions import NS_PER_S
 
 TENTH = NS_PER_S // 10
@@ -92,32 +100,32 @@ def test_stamps_are_read_from_headers_and_from_lists_of_them() -> None:
     assert stamp_of("tf2_msgs/msg/TFMessage", b"\0\1\0\0\0\0\0\0") is None
 
 
-@pytest.fixture
-def chronology() -> Chronology:
-    """Return ticks at places 10, 20 … of seconds 0 to 9, then of 2 to 5: the clock went back."""
-    found = Chronology()
-    for number, second in enumerate((*range(10), *range(2, 6))):
-        found.add_tick(10 + 10 * number, second * NS_PER_S)
-    return found
+def artefacts(seconds: Iterable[int], topic: str = ARTEFACTS) -> Iterator[RecordedMessage]:
+    """Yield ten messages for each of some seconds, the first one of a tick."""
+    for second in seconds:
+        data = b"\0\1\0\0" + struct.pack("<iI", second, 0)
+        yield RecordedMessage(topic, "are_msgs/msg/ArtefactArray", 0, data)
+        yield from 9 * [RecordedMessage("/odom", "nav_msgs/msg/Odometry", 0, data)]
 
 
-def test_messages_come_after_the_last_tick_before_them(chronology: Chronology) -> None:
-    """By their place alone, where they have no stamp; before all ticks, with the first."""
-    assert chronology.loops == 2
-    assert chronology.moment(35, None) == Moment(0, 2 * NS_PER_S)
-    assert chronology.moment(3, None) == Moment(0, 0)
-    assert chronology.moment(135, None) == Moment(1, 4 * NS_PER_S)
+def test_messages_come_after_the_last_tick_before_them() -> None:
+    """By their place alone; before all ticks, with the first."""
+    ticks = LiveTicks.of([*artefacts([7], "/ar_builder/metrics"), *artefacts(range(10))])
+    assert ticks.end is None
+    assert ticks.before(35) == 2 * NS_PER_S
+    assert ticks.before(3) == 0
+    assert ticks.before(1000) == 9 * NS_PER_S
 
 
-def test_near_the_jump_the_stamp_decides(chronology: Chronology) -> None:
-    """Late ones of the end and early ones of the beginning go where their stamps say."""
-    assert chronology.moment(112, 9 * NS_PER_S).loop == 0
-    assert chronology.moment(108, 2 * NS_PER_S).loop == 1
-    assert chronology.moment(112, 2 * NS_PER_S).loop == 1
-    assert chronology.moment(108, 9 * NS_PER_S).loop == 0
+def test_ticks_end_where_an_output_of_ticks_jumps_back() -> None:
+    """A jitter of a second is no jump, and what inputs are stamped does not matter."""
+    assert LiveTicks.of(artefacts([0, 1, 2, 1, 3, 2])).end is None
+    ticks = LiveTicks.of(artefacts([*range(10), *range(2, 6)]))
+    assert (ticks.end, len(ticks.places)) == (100, 10)
+    mixed = [*artefacts([5, 6]), *artefacts([6, 2], "/ar_builder/metrics"), *artefacts([7, 3])]
+    assert LiveTicks.of(mixed).end == 30
 
 
-def test_without_ticks_there_is_one_loop() -> None:
-    """A message is then at its own stamp."""
-    assert Chronology().moment(5, 7) == Moment(0, 7)
-    assert Chronology().loops == 1
+def test_without_ticks_nothing_comes_before() -> None:
+    """The messages are then at their own stamps."""
+    assert LiveTicks.of([]).before(5) is None

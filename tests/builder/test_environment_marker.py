@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from are_ros.builder.environment_marker import ENVIRONMENT, EnvironmentDisplay
 from are_ros.builder.markers import (
     DELETE_ALL,
+    ENVIRONMENT,
     NO_MARKERS,
+    EnvironmentDisplay,
     MarkerAction,
     MarkerBatch,
     MarkerKind,

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from are_ros.builder.gates import GateMemory, OpenGate, gate_of
+from are_ros.builder.costmap.augmented_map import GateMemory, OpenGate, gate_of
 from are_ros.errors import ParameterError
 from are_ros.parameters.choices import CostmapGate
 

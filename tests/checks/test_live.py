@@ -312,16 +312,19 @@ def test_a_recorder_may_pause(whole: Tape, length_s: float, tmp_path: Path) -> N
     assert results["lives"].looked_at > 30
 
 
-def test_a_looping_recording_is_checked_loop_by_loop(whole: Tape, tmp_path: Path) -> None:
-    """The clock jumps back, all begins anew, and log times stand still meanwhile."""
+def test_a_looping_recording_is_checked_until_the_clock_jumps_back(
+    whole: Tape, tmp_path: Path
+) -> None:
+    """The user is told so; what comes after the jump is not looked at, right or wrong."""
     once = whole.late().part(1.5)
     results, single = results_of(once.looped().write(tmp_path)), results_of(once.write(tmp_path))
     assert bad(results) == []
+    assert "the clock jumps back" in results["rosbags reader"].reason
     for name in ("ticks", "lives", "sight events", "overlaps with the robot", "scans"):
-        assert results[name].looked_at == 2 * single[name].looked_at, name
+        assert results[name].looked_at == single[name].looked_at > 0, name
 
 
-def test_messages_about_the_jump_belong_to_their_own_loop(whole: Tape, tmp_path: Path) -> None:
+def test_messages_of_both_sides_may_mix_about_the_jump(whole: Tape, tmp_path: Path) -> None:
     """The topics do not jump at once: some messages of the end come after the beginning's."""
     tape = whole.part(1.5, 5.0).looped()
     half = len(tape.entries) // 2

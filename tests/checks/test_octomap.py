@@ -1,6 +1,7 @@
 """The octomap computed anew: a right one passes, and what is missing or too much is found."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -32,9 +33,8 @@ def judged(points_m: Points, values: dict[str, Any] | None = None) -> CheckResul
     record.clouds.append(Cloud(FLOOR, "map", 0))
     centre, half = np.array([(0.5, 0.5, 0.1)]), np.array([(0.15, 0.1, 0.1)])
     one, arrivals = np.array([7]), np.array([0])
-    record.scenes.append(
-        Scene(NOW_NS, NOW_NS, "map", one, centre, np.zeros(1), half, arrivals, arrivals)
-    )
+    scene = Scene(NOW_NS, NOW_NS, "map", one, centre, np.zeros(1), half, arrivals, arrivals)
+    record.scenes.append(replace(scene, box_centres_m=np.zeros((1, 3))))
     record.octomaps.add(Cloud(points_m, "map", NOW_NS))
     return check_octomap(record)
 

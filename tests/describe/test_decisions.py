@@ -182,7 +182,7 @@ def test_the_command_draws(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A picture beside the summary; without a map one sentence."""
-    from are_ros.cli.shell import are
+    from are_ros.cli import are
 
     monkeypatch.setattr(decisions, "CROWD", 3)
     monkeypatch.setattr(decisions, "LIFE_NS", 3 * 10**9)

@@ -12,8 +12,7 @@ import pytest
 from are_ros.builder.files.catalogue_file import read_catalogue
 from are_ros.errors import InputError, MapError, ParameterError
 from are_ros.lab.motion_judge import MotionJudge
-from are_ros.lab.soak import RovingRobot, SoakResult, Way, soak
-from are_ros.lab.soak_picture import draw_soak, write_soak
+from are_ros.lab.soak import RovingRobot, SoakResult, Way, draw_soak, soak, write_soak
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.world.environment import Environment, PlaneGround

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from are_ros.bag.types import RosbagsFactory
-from are_ros.messages.camera_info import encode_camera_info, read_camera_info
 from are_ros.messages.common import Header, read_header
+from are_ros.messages.images.image import encode_camera_info, read_camera_info
 from are_ros.world.cameras import CameraInfo
 from bags.simulation.making import make_camera_info
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from are_ros.bag.types import RosbagsFactory
-from are_ros.messages.odometry import OdometryNumbers, read_odometry_numbers
+from are_ros.messages.transforms import OdometryNumbers, read_odometry_numbers
 from are_ros.world.rigid_transform import RigidTransform
 from bags.simulation.making import OdometryReading, make_odometry
 

@@ -13,7 +13,7 @@ from are_ros.node.startup import PROFILE, PROFILE_VARIABLE, has_room, make_room
 
 BIGGEST_TICK_BYTES = 1 << 20
 _SESSION = """
-from are_ros.record.session import ros_session
+from are_ros.node.startup import ros_session
 with ros_session("one"):
     pass
 """

@@ -13,11 +13,10 @@ from tests.ros import NOT_SET_UP, WAIT_S
 pytest.importorskip("rclpy", reason=NOT_SET_UP)
 
 from are_ros.draw.viewer import MISSING_VISER, has_viser, start_server, stop_server
-from are_ros.node.startup import executor_of
+from are_ros.node.startup import executor_of, ros_session
 from are_ros.parameters.declaration import describe
 from are_ros.parameters.model import Parameters
 from are_ros.record.live_view import LiveView, RemoteNode, slider_range
-from are_ros.record.session import ros_session
 from tests.record.live_runs import SAMPLE
 
 needs_viser = pytest.mark.skipif(not has_viser(), reason=MISSING_VISER)

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from are_ros.conventions import NS_PER_S
-from are_ros.messages.camera_info import read_camera_info
 from are_ros.messages.common import read_time
+from are_ros.messages.images.image import read_camera_info
 from are_ros.messages.maps import read_grid, read_points
-from are_ros.messages.odometry import read_odometry_numbers
 from are_ros.messages.sensors import read_scan
-from are_ros.messages.transforms import read_transforms
+from are_ros.messages.transforms import read_odometry_numbers, read_transforms
 from are_ros.world.transforms.tree import FrameTree
 from bags.simulation.building import Building
 from bags.simulation.frames import (

@@ -13,7 +13,7 @@ from are_ros.world.environment import (
     Ground,
     PlaneGround,
     VoxelGround,
-    fill_from_nearest,
+    filled_from_nearest,
     flood_floor,
     surface_counts,
 )
@@ -192,8 +192,7 @@ def test_gaps_take_a_nearest_value(seed: int) -> None:
     generator = np.random.default_rng(seed)
     tops = generator.integers(0, 9, generator.integers(1, 10, 2)).astype(np.int32)
     tops[generator.random(tops.shape) < 0.8] = -99
-    filled = tops.copy()
-    fill_from_nearest(filled, -99)
+    filled = filled_from_nearest(tops, -99)
     known = np.argwhere(tops != -99)
     for i, j in np.ndindex(*tops.shape):
         if len(known):

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 
 from are_ros.errors import ParameterError
-from are_ros.messages.camera_info import read_camera_info
+from are_ros.messages.images.image import read_camera_info
 from are_ros.world.cameras import (
     FisheyeView,
     OmnidirectionalView,

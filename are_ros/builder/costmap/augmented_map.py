@@ -1,7 +1,10 @@
-"""The augmented map and costmap, updated where the cells of artefacts change (section 3.3)."""
+"""The augmented map and costmap, updated where the cells of artefacts change (section 3.3).
+
+The gate at the end chooses the artefacts.
+"""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +20,7 @@ from are_ros.builder.costmap.registration import (
 )
 from are_ros.conventions import NS_PER_S, OCCUPIED
 from are_ros.errors import InputError, ParameterError
+from are_ros.parameters.choices import CostmapGate
 from are_ros.world.environment import Environment
 from are_ros.world.occupancy_grid import OccupancyGrid
 
@@ -263,3 +267,57 @@ def without_artefacts(real: OccupancyGrid) -> OccupancyGrid:
 
 def _like(grid: OccupancyGrid, stamp_ns: int, cells: np.ndarray) -> OccupancyGrid:
     return OccupancyGrid(cells, grid.resolution_m, grid.origin, grid.frame_id, stamp_ns)
+
+
+# Which artefacts the grids show: those perceived, or all (section 3.3, costmap.gate).
+
+
+class GateMemory:
+    """Admits the perceived, and for a while those that were: the paper's A_f at memory 0.
+
+    An artefact last perceived at t is admitted while now - t <= `memory_ns`; the end is included,
+    so that a memory of 0 means only now. ParameterError if the memory is negative.
+    """
+
+    def __init__(self, memory_ns: int) -> None:
+        if memory_ns < 0:
+            raise ParameterError(f"costmap.memory of {memory_ns} ns is negative")
+        self._memory_ns = memory_ns
+        self._last_seen_ns: dict[int, int] = {}
+        self._now_ns: int | None = None
+
+    def admitted(
+        self, now_ns: int, perceived_ns: Mapping[int, int], alive_ids: Iterable[int]
+    ) -> tuple[int, ...]:
+        """Return the ids of the living seen recently enough, ascending.
+
+        `perceived_ns` is when those perceived now were seen, by id. The departed are forgotten at
+        once; a clock that jumped back forgets everything seen before.
+        """
+        if self._now_ns is not None and now_ns < self._now_ns:
+            self._last_seen_ns.clear()
+        self._now_ns = now_ns
+        last_ns = self._last_seen_ns
+        last_ns.update(perceived_ns)
+        self._last_seen_ns = {i: last_ns[i] for i in sorted(alive_ids) if i in last_ns}
+        return tuple(
+            i
+            for i, ns in self._last_seen_ns.items()
+            if i in perceived_ns or now_ns - ns <= self._memory_ns
+        )
+
+
+class OpenGate:
+    """Admits every living artefact."""
+
+    def admitted(
+        self, now_ns: int, perceived_ns: Mapping[int, int], alive_ids: Iterable[int]
+    ) -> tuple[int, ...]:
+        """Return the ids of the living, ascending."""
+        del now_ns, perceived_ns
+        return tuple(sorted(set(alive_ids)))
+
+
+def gate_of(gate: CostmapGate, memory_ns: int) -> GateMemory | OpenGate:
+    """Return the gate of this kind; the memory matters to `CostmapGate.PERCEIVED` only."""
+    return GateMemory(memory_ns) if gate is CostmapGate.PERCEIVED else OpenGate()

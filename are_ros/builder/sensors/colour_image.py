@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from are_ros.builder.rendering.painter import PaintedBody
 from are_ros.builder.sensors.image import CompressedImage, Image, PictureHeader, picture_header
-from are_ros.builder.sensors.lens import Lens
+from are_ros.builder.sensors.lens import Lens, known
 from are_ros.builder.sensors.sensor_path import Obstacles
 from are_ros.builder.sensors.studio import Studio
 from are_ros.errors import InputError
@@ -39,12 +39,8 @@ class ColourPixels(Protocol):
     """The pixels of a message, as it was received; raw images and compressed ones implement it."""
 
     @property
-    def frame_id(self) -> str:
-        """The optical frame."""
-
-    @property
-    def stamp_ns(self) -> int:
-        """The time of measurement [ns]."""
+    def image(self) -> Image | CompressedImage:
+        """The message."""
 
     def rgb(self) -> Pixels:
         """Return the pixels (H, W, 3), new; InputError if they cannot be decompressed."""
@@ -69,16 +65,6 @@ class RawColour:
             raise InputError(
                 f"encoding {self.image.encoding!r} is not painted on; known are {known}"
             )
-
-    @property
-    def frame_id(self) -> str:
-        """See `ColourPixels`."""
-        return self.image.frame_id
-
-    @property
-    def stamp_ns(self) -> int:
-        """See `ColourPixels`."""
-        return self.image.stamp_ns
 
     def rgb(self) -> Pixels:
         """See `ColourPixels`."""
@@ -107,16 +93,6 @@ class CompressedColour:
     """A JPEG or PNG of 8 bits; it is decompressed when an artefact may be in it."""
 
     image: CompressedImage
-
-    @property
-    def frame_id(self) -> str:
-        """See `ColourPixels`."""
-        return self.image.frame_id
-
-    @property
-    def stamp_ns(self) -> int:
-        """See `ColourPixels`."""
-        return self.image.stamp_ns
 
     def rgb(self) -> Pixels:
         """See `ColourPixels`."""
@@ -249,12 +225,12 @@ class ColourImage:
     @property
     def frame_id(self) -> str:
         """The optical frame."""
-        return self.pixels.frame_id
+        return self.pixels.image.frame_id
 
     @property
     def stamp_ns(self) -> int:
         """The time of measurement [ns]."""
-        return self.pixels.stamp_ns
+        return self.pixels.image.stamp_ns
 
     def seen_through(self, lens: Lens) -> "ColourImage":
         """Return the image with the lens that it was taken with."""
@@ -275,20 +251,14 @@ class ColourImage:
         are. Raises InputError if the lens is not known or of another size, or the image cannot be
         decompressed.
         """
-        if self.lens is None:
-            raise InputError("its CameraInfo is not known")
-        view, studio, scene = self.lens.view, obstacles.studio, obstacles.scene
+        lens, studio, scene = known(self.lens), obstacles.studio, obstacles.scene
         if not isinstance(studio, Studio) or scene is None:
             return self
-        which = self.lens.tiles_towards(map_from_sensor, _with_shadows(obstacles.boxes))
+        which = lens.tiles_towards(map_from_sensor, _with_shadows(obstacles.boxes))
         if not len(which):
             return self.with_nobody(map_from_sensor)
         before = self.pixels.rgb()
-        if before.shape[:2] != (view.height, view.width):
-            raise InputError(
-                f"it has {before.shape[1]} x {before.shape[0]} pixels, and"
-                f" {self.lens.info.source} is of {view.width} x {view.height}"
-            )
+        lens.check_size(*before.shape[:2])
         bodies = [
             _body(studio, artefact, pose, half_sizes_m)
             for artefact, pose, half_sizes_m in zip(
@@ -298,8 +268,8 @@ class ColourImage:
                 strict=True,
             )
         ]
-        real_m = studio.real_ranges(self, self.lens, map_from_sensor, which, obstacles.surface)
-        painting = studio.painter(self.lens).paint(
+        real_m = studio.real_ranges(self, lens, map_from_sensor, which, obstacles.surface)
+        painting = studio.painter(lens).paint(
             before, map_from_sensor, bodies, real_m, studio.lighting, studio.noise(self.stamp_ns)
         )
         fractions = painting.visible_fractions

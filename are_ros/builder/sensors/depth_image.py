@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.builder.occlusion.rays import VoxelField
-from are_ros.builder.sensors.image import Image
-from are_ros.builder.sensors.lens import Lens
+from are_ros.builder.sensors.image import CompressedImage, Image
+from are_ros.builder.sensors.lens import Lens, known
 from are_ros.builder.sensors.sensor_path import Obstacles
 from are_ros.errors import InputError
 from are_ros.world.rigid_transform import RigidTransform
@@ -105,12 +105,8 @@ class DepthPixels(Protocol):
     """The pixels of a message, as it was received; raw images and compressed ones implement it."""
 
     @property
-    def frame_id(self) -> str:
-        """The optical frame."""
-
-    @property
-    def stamp_ns(self) -> int:
-        """The time of measurement [ns]."""
+    def image(self) -> Image | CompressedImage:
+        """The message."""
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -151,16 +147,6 @@ class RawDepth:
         code_of(self.image.encoding)
 
     @property
-    def frame_id(self) -> str:
-        """See `DepthPixels`."""
-        return self.image.frame_id
-
-    @property
-    def stamp_ns(self) -> int:
-        """See `DepthPixels`."""
-        return self.image.stamp_ns
-
-    @property
     def shape(self) -> tuple[int, int]:
         """See `DepthPixels`."""
         return self.image.height, self.image.width
@@ -189,12 +175,12 @@ class DepthImage:
     @property
     def frame_id(self) -> str:
         """The optical frame."""
-        return self.pixels.frame_id
+        return self.pixels.image.frame_id
 
     @property
     def stamp_ns(self) -> int:
         """The time of measurement [ns]."""
-        return self.pixels.stamp_ns
+        return self.pixels.image.stamp_ns
 
     def seen_through(self, lens: Lens) -> "DepthImage":
         """Return the image with the lens that it was taken with."""
@@ -215,7 +201,8 @@ class DepthImage:
         pixels keep their bits; if no number changes, the same object is returned. Raises
         InputError if the lens is not known or of another size, or the image cannot be decompressed.
         """
-        lens = self._fitting_lens()
+        lens = known(self.lens)
+        lens.check_size(*self.pixels.shape)
         which = lens.tiles_towards(map_from_sensor, obstacles.boxes)
         if not len(which):
             return self
@@ -242,17 +229,6 @@ class DepthImage:
         after = before.copy()
         after[places] = numbers
         return replace(self, pixels=self.pixels.with_stored(after))
-
-    def _fitting_lens(self) -> Lens:
-        if self.lens is None:
-            raise InputError("its CameraInfo is not known")
-        view, (height, width) = self.lens.view, self.pixels.shape
-        if (view.width, view.height) != (width, height):
-            raise InputError(
-                f"it has {width} x {height} pixels, and {self.lens.info.source} is of"
-                f" {view.width} x {view.height}"
-            )
-        return self.lens
 
 
 def _are_hidden(

@@ -12,6 +12,7 @@ from are_ros.builder.occlusion.kernels import Boxes, find_candidates
 from are_ros.builder.occlusion.meshes import MeshSelection, Tree, cast_tile, enters
 from are_ros.builder.occlusion.rays import PIXELS, TILE, TiledRays, inverse
 from are_ros.builder.occlusion.zbuffer import boxes_seen_from
+from are_ros.errors import InputError
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.cameras import CameraInfo, FisheyeView, PinholeView
 from are_ros.world.rigid_transform import RigidTransform
@@ -47,6 +48,15 @@ class Lens:
     frame_id: str
     info: CameraInfo
     view: PinholeView | FisheyeView
+
+    def check_size(self, height: int, width: int) -> None:
+        """Raise InputError for an image of another size than the view's."""
+        view = self.view
+        if (view.width, view.height) != (width, height):
+            raise InputError(
+                f"it has {width} x {height} pixels, and {self.info.source} is of"
+                f" {view.width} x {view.height}"
+            )
 
     @cached_property
     def tiles(self) -> DepthTiles:
@@ -123,6 +133,13 @@ class Lens:
             shapes.pool.tree,
             depths_m,
         )
+
+
+def known(lens: Lens | None) -> Lens:
+    """Return the lens of an image; InputError if there is none yet."""
+    if lens is None:
+        raise InputError("its CameraInfo is not known")
+    return lens
 
 
 def _no_meshes(count: int) -> _Indices:

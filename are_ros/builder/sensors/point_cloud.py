@@ -246,31 +246,16 @@ class PointCloud:
 
 @compiled
 def _farthest_return(x: _Coordinate, y: _Coordinate, z: _Coordinate) -> float:
-    """Return how far away the farthest return is [m], 0 if there is none.
-
-    Four running maxima, which do not wait for each other: a cloud of which no artefact is in reach
-    costs little more than reading it.
-    """
-    p = q = r = s = 0.0
+    """Return how far away the farthest return is [m], 0 if there is none."""
+    farthest = 0.0
     for row in range(x.shape[0]):
-        fours = x.shape[1] // 4 * 4
-        for k in range(0, fours, 4):
-            p = _farther(p, x[row, k], y[row, k], z[row, k])
-            q = _farther(q, x[row, k + 1], y[row, k + 1], z[row, k + 1])
-            r = _farther(r, x[row, k + 2], y[row, k + 2], z[row, k + 2])
-            s = _farther(s, x[row, k + 3], y[row, k + 3], z[row, k + 3])
-        for k in range(fours, x.shape[1]):
-            p = _farther(p, x[row, k], y[row, k], z[row, k])
-    farthest_m = np.sqrt(max(p, q, r, s))
+        for k in range(x.shape[1]):
+            a, b, c = np.float64(x[row, k]), np.float64(y[row, k]), np.float64(z[row, k])
+            square = a * a + b * b + c * c
+            if farthest < square < np.inf:
+                farthest = square
+    farthest_m = np.sqrt(farthest)
     return farthest_m if farthest_m > _NOTHING_M else 0.0
-
-
-@compiled
-def _farther(square: float, x: float, y: float, z: float) -> float:
-    """Return the larger of a square and that of a point's range, if this is finite."""
-    a, b, c = np.float64(x), np.float64(y), np.float64(z)
-    own = a * a + b * b + c * c
-    return own if (own > square) & (own < np.inf) else square
 
 
 @compiled

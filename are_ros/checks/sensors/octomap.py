@@ -10,14 +10,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from are_ros.bag.decoded import Scene
 from are_ros.checks.grids import admitted_by_tick
 from are_ros.checks.oracle.solids import Cloud, Walls
 from are_ros.checks.record import Record
 from are_ros.checks.result import CheckResult, Tally, at_s, skipped
-from are_ros.checks.sensors.depth_images import box_triangles
-from are_ros.checks.sensors.scans import KnownWalls
-from are_ros.parameters.choices import CostmapGate, Shape
+from are_ros.checks.sensors.scans import KnownWalls, bodies_of, box_in
+from are_ros.parameters.choices import CostmapGate
 
 Floats = NDArray[np.float64]
 Voxel = tuple[int, int, int]
@@ -40,35 +38,15 @@ def check_octomap(record: Record) -> CheckResult:
         if tick is None or real is None or not tick.is_sure:
             tally.leave_out("octomap", "for which it is not known exactly what was where")
             continue
-        bodies = [_body(record, tick.scene, i) for i in _rows(tick.scene, tick.ids)]
-        if any(body is None for body in bodies):
+        rows = (i for i, number in enumerate(tick.scene.ids.tolist()) if number in tick.ids)
+        bodies = bodies_of(record, [box_in(tick.scene, i) for i in rows])
+        if bodies is None:
             tally.leave_out("octomap", "without markers that are meshes")
             continue
-        fault = _fault(tally, cloud, real, [body for body in bodies if body is not None])
+        fault = _fault(tally, cloud, real, bodies)
         if fault:
             tally.fail(f"{at_s(cloud.since_ns)} {fault}")
     return tally.result()
-
-
-def _rows(scene: Scene, ids: frozenset[int]) -> list[int]:
-    return [i for i, number in enumerate(scene.ids.tolist()) if number in ids]
-
-
-def _body(record: Record, scene: Scene, i: int) -> Floats | None:
-    """Return the triangles (F, 3, 3) of an artefact in the map, None for a mesh that is unknown."""
-    yaw_rad = float(scene.yaws_rad[i])
-    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
-    turn = np.array(((cos, -sin, 0.0), (sin, cos, 0.0), (0.0, 0.0, 1.0)))
-    if record.settings.sensors.shape is Shape.BOX:
-        body: Floats = box_triangles() * scene.half_sizes_m[i] @ turn.T
-        body += scene.centres_m[i]
-        return body
-    mesh = record.meshes.get(int(scene.ids[i]))
-    if mesh is None:
-        return None
-    body = mesh @ turn.T
-    body += scene.poses[i, :3]
-    return body
 
 
 def _fault(tally: Tally, cloud: Cloud, real: Walls, bodies: list[Floats]) -> str:

@@ -321,7 +321,7 @@ def check_depths(record: Record) -> CheckResult:
         if pose is None or boxes is None or any(box.slack_m for box in boxes):
             tally.leave_out("depth image", "for which it is not known exactly what was where")
             continue
-        bodies = _bodies(record, boxes)
+        bodies = bodies_of(record, boxes)
         if bodies is None or (settings.sensors.shape is Shape.BOX and _is_inside(pose, boxes)):
             what = "with the camera inside a box" if bodies else "without markers that are meshes"
             tally.leave_out("depth image", what)
@@ -351,7 +351,12 @@ def check_depths(record: Record) -> CheckResult:
     return tally.result()
 
 
-def _bodies(record: Record, boxes: list[Box]) -> list[Floats] | None:
+def box_in(scene: Scene, i: int) -> Box:
+    """Return the box of an artefact of a tick."""
+    return _box(scene, i, _position(scene, i), 0.0)
+
+
+def bodies_of(record: Record, boxes: list[Box]) -> list[Floats] | None:
     """Return the triangles (F, 3, 3) of artefacts in the map, as sensors see them.
 
     Those of meshes are the markers'; None where one was not shown.

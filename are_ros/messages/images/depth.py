@@ -65,16 +65,6 @@ class CompressedDepth:
         except InputError as cause:
             raise InputError(f"{source}: {cause}") from cause
 
-    @property
-    def frame_id(self) -> str:
-        """The optical frame."""
-        return self.image.frame_id
-
-    @property
-    def stamp_ns(self) -> int:
-        """The time of measurement [ns]."""
-        return self.image.stamp_ns
-
     def stored(self) -> npt.NDArray[Any]:
         """Return the numbers uint16 (H, W); InputError if the PNG is damaged."""
         import cv2

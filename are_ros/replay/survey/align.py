@@ -2,7 +2,8 @@
 
 import math
 from collections import deque
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -50,7 +51,7 @@ _SLOW_RADPS: Final = 0.1
 _MOST_TILT_RAD: Final = 0.1
 _RETURN_SHARE: Final = 0.995
 _ENOUGH_SHARE: Final = 0.95
-_RETRY_NS: Final = NS_PER_S // 5
+_FOR_EVER_NS: Final = 2**62
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,25 +133,20 @@ def gather(
     if first is None:
         raise BagError(f"{', '.join(topics)}: no scan lies in the time that is to be read")
     laser = read_scan(reader.deserialize(first), first.topic).frame_id.lstrip("/")
-    root = _root(_frames_of(reader, options, frames, begin_ns, end_ns), laser, options)
-    collector = _Collector(root)
-    recorded = RecordedFrames(options.parameters)
+    tree = _frames_of(reader, options, frames, window, progress)
+    collector = _Collector(tree, _root(tree, laser, options))
     wanted = _spread_scans(reader, topics, begin_ns, end_ns)
-    for message in _all_messages(reader, frames, topics, begin_ns, end_ns):
-        if message.topic in topics:
-            if (message.topic, message.log_time_ns) in wanted:
-                collector.take(reader, message)
-        else:
-            _feed(reader, recorded, message, frames[message.topic])
-        collector.place(recorded.tree, message.log_time_ns)
-        progress(message.log_time_ns)
-    collector.place(recorded.tree, None)
+    for message in reader.messages(topics, begin_ns, end_ns):
+        if (message.topic, message.log_time_ns) in wanted:
+            collector.take(reader, message)
     progress(end_ns)
     if not collector.placed:
         raise BagError(f"{', '.join(topics)}: none of the scans can be used: {collector.reason()}")
     placed = sorted(collector.placed, key=lambda scan: scan.stamp_ns)
     drive, notices = _longest_drive(placed)
-    return AlignInput(root, topics, tuple(_telling(drive)), (*collector.notices(), *notices))
+    return AlignInput(
+        collector.root, topics, tuple(_telling(drive)), (*collector.notices(), *notices)
+    )
 
 
 def _longest_drive(placed: list[PlacedScan]) -> tuple[list[PlacedScan], list[str]]:
@@ -168,41 +164,28 @@ def _longest_drive(placed: list[PlacedScan]) -> tuple[list[PlacedScan], list[str
 
 
 class _Collector:
-    """Keeps scans until their transforms have come."""
+    """Places scans in the root frame, and counts those that cannot be."""
 
-    def __init__(self, root: str) -> None:
+    def __init__(self, tree: FrameTree, root: str) -> None:
+        self.root = root
         self.placed: list[PlacedScan] = []
-        self._root = root
-        self._waiting: list[tuple[str, LaserScan]] = []
-        self._tried_ns = 0
-        self._taken = self._tilted = self._refused = 0
+        self._tree = tree
+        self._taken = self._tilted = self._refused = self._lost = 0
         self._why_refused = self._why_lost = ""
 
     def take(self, reader: BagReader, message: BagMessage) -> None:
-        """Take a scan; a malformed one is counted."""
+        """Place a scan; one that is malformed, tilted or without a transform is counted."""
         self._taken += 1
         try:
             scan = read_scan(reader.deserialize(message), message.topic)
+            placed = _placed(self._tree, self.root, message.topic, scan)
         except InputError as error:
             self._refused += 1
             self._why_refused = self._why_refused or str(error)
+        except FrameError as error:
+            self._lost += 1
+            self._why_lost = str(error)
         else:
-            self._waiting.append((message.topic, scan))
-
-    def place(self, tree: FrameTree, log_time_ns: int | None) -> None:
-        """Place the scans whose transforms have come; `None` marks the end of the recording."""
-        if log_time_ns is not None:
-            if not self._waiting or log_time_ns < self._tried_ns + _RETRY_NS:
-                return
-            self._tried_ns = log_time_ns
-        waiting, self._waiting = self._waiting, []
-        for topic, scan in waiting:
-            try:
-                placed = _placed(tree, self._root, topic, scan)
-            except FrameError as error:
-                self._why_lost = str(error)
-                self._waiting.append((topic, scan))
-                continue
             if placed is None:
                 self._tilted += 1
             elif len(placed.endpoints_m):
@@ -220,8 +203,8 @@ class _Collector:
             return notices
         if self._refused:
             notices.append(f"{self._refused} {of} are refused ({self._why_refused})")
-        if self._waiting:
-            notices.append(f"{len(self._waiting)} {of} have no transform ({self._why_lost})")
+        if self._lost:
+            notices.append(f"{self._lost} {of} have no transform ({self._why_lost})")
         if self._tilted:
             notices.append(f"{self._tilted} {of} are not level, and a map tells nothing of them")
         return notices
@@ -306,45 +289,33 @@ def _spread_scans(
     return frozenset(found[k] for k in _evenly(len(found), _CANDIDATES))
 
 
-def _all_messages(
+def _frames_of(
     reader: BagReader,
+    options: ReplayOptions,
     frames: Mapping[str, str],
-    topics: Collection[str],
-    begin_ns: int,
-    end_ns: int,
-) -> Iterator[BagMessage]:
-    """Yield the static transforms of the whole recording, then frames and scans of the window."""
+    window: Window,
+    progress: Progress,
+) -> FrameTree:
+    """Return the tree with the transforms of the window, and the static ones of the whole."""
+    recorded = RecordedFrames(options.parameters, history_ns=_FOR_EVER_NS)
     static = [topic for topic, role in frames.items() if role == "tf_static"]
-    if static:
-        yield from reader.messages(static)
-    moving = [topic for topic in (*frames, *topics) if topic not in static]
-    yield from reader.messages(moving, begin_ns, end_ns)
+    for message in reader.messages(static) if static else ():
+        _feed(reader, recorded, message, "tf_static")
+    moving = [topic for topic in frames if topic not in static]
+    for message in reader.messages(moving, window.start_ns, window.stop_ns) if moving else ():
+        _feed(reader, recorded, message, frames[message.topic])
+        progress(message.log_time_ns)
+    return recorded.tree
 
 
 def _feed(reader: BagReader, recorded: RecordedFrames, message: BagMessage, role: str) -> None:
     """Take a message of transforms or of odometry; what is malformed is left out."""
-    try:
+    with suppress(InputError):  # a replay counts it, and goes on
         if role == "odom":
             recorded.take_odometry(reader.odometry(message))
             return
         for transform in reader.transforms(message):
             recorded.take_transform(transform, is_static=role == "tf_static")
-    except InputError:
-        return  # a replay counts it, and goes on
-
-
-def _frames_of(
-    reader: BagReader,
-    options: ReplayOptions,
-    frames: Mapping[str, str],
-    begin_ns: int,
-    end_ns: int,
-) -> FrameTree:
-    """Return the tree as it is at the end."""
-    recorded = RecordedFrames(options.parameters)
-    for message in _all_messages(reader, frames, (), begin_ns, end_ns):
-        _feed(reader, recorded, message, frames[message.topic])
-    return recorded.tree
 
 
 def _root(tree: FrameTree, laser: str, options: ReplayOptions) -> str:

@@ -10,7 +10,7 @@ from are_ros.bag.roles import ROLE_TYPES, RolesFound, find_roles
 from are_ros.bag.stretches import Stretches, scan_waits, stretches_of, wait_sentence
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError
-from are_ros.messages.camera_info import read_camera_info
+from are_ros.messages.images.image import read_camera_info
 from are_ros.messages.sensors import SENSORS, lens_topics
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.model import PosesParameters, SensorsParameters

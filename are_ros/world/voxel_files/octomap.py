@@ -2,6 +2,7 @@
 
 A binary tree says of each leaf whether it is occupied. A full one has the log odds of each node; a
 leaf is occupied from `OCCUPIED_LOG_ODDS` on, as OctoMap itself decides. The file has no threshold.
+`read_voxel_file` reads these and all other files that M3D may come from.
 """
 
 import math
@@ -15,7 +16,13 @@ import numpy.typing as npt
 
 from are_ros._compiled import compiled
 from are_ros.errors import MapError
-from are_ros.world.voxel_files.clouds import MAX_CENTRES, read_bytes
+from are_ros.world.voxel_files.clouds import (
+    MAX_CENTRES,
+    Points,
+    read_bytes,
+    read_pcd_file,
+    read_ply_file,
+)
 
 OCCUPIED_LOG_ODDS: Final = 0.0
 """OctoMap's occupancy threshold, a probability of 0.5."""
@@ -38,6 +45,22 @@ class _Header(NamedTuple):
     node_count: int
     resolution_m: float
     data_start: int
+
+
+def read_voxel_file(path: Path, voxel_size_m: float | None) -> tuple[Points, float | None]:
+    """Return points (N, 3) [m], float32, in the map's frame, and the size of their voxels [m].
+
+    The name's end tells the format: .pcd, .ply, and an octomap otherwise. The points are the
+    centres of occupied voxels if the size is known; it is None for a point cloud, which may have
+    any number of points in a voxel. `voxel_size_m` is what a mesh becomes voxels of, None if that
+    is not chosen. Raises MapError.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".ply":
+        return read_ply_file(path, voxel_size_m)
+    if suffix == ".pcd":
+        return read_pcd_file(path), None
+    return read_octomap_file(path)
 
 
 def read_octomap_file(path: Path) -> tuple[npt.NDArray[np.float32], float]:

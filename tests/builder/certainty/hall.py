@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from are_ros.builder.certainty.detector import Detector
-from are_ros.builder.certainty.perception import Perception
-from are_ros.builder.certainty.view import View
+from are_ros.builder.certainty.perception import Perception, View
 from are_ros.builder.observation import Sighting
 from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S

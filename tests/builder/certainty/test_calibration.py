@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from are_ros.builder.certainty.false_alarms import FIRST_ID
-from are_ros.builder.certainty.view import View
+from are_ros.builder.certainty.perception import View
 from are_ros.builder.observation import Sighting
 from are_ros.population.artefact import Artefact
 from are_ros.world.boxes import OrientedBoxes

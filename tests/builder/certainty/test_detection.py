@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from are_ros.builder.certainty.detection import detection_noise, detection_probability
+from are_ros.builder.certainty.detector import detection_noise, detection_probability
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import CertaintyParameters
 from tests.builder.certainty.hall import detector, ns, scene, seeing, sights, walkers
