@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from are_ros._compiled import borrowing
+from are_ros._compiled import borrowing, inlined
 
 Floats = npt.NDArray[np.float32]
 Integers = npt.NDArray[np.int32]
@@ -261,7 +261,7 @@ def choose_faces(
     return face
 
 
-@borrowing
+@inlined
 def _put_looks(
     corners: Corners,
     triangle: int,
@@ -286,7 +286,7 @@ def _put_looks(
             planes[12 + 3 * channel + axis] = scale * total
 
 
-@borrowing
+@inlined
 def _bound(
     pixels: npt.NDArray[np.float64],
     a: int,
@@ -330,7 +330,7 @@ def _is_outside(
     return False
 
 
-@borrowing
+@inlined
 def _brightness(
     corners: Corners,
     triangle: int,
@@ -352,7 +352,7 @@ def _brightness(
     )
 
 
-@borrowing
+@inlined
 def _of_corner(normal: Floats, turn: float, light: npt.NDArray[np.float64]) -> float:
     x, y, z = turn * normal[0], turn * normal[1], turn * normal[2]
     lamp = x * light[0, 0] + y * light[0, 1] + z * light[0, 2]
@@ -376,7 +376,7 @@ def draw(blocks: Floats, faces: Faces, first: int, end: int) -> None:
             _draw_part(blocks, planes, number, begin, stop, row, row + 1)
 
 
-@borrowing
+@inlined
 def _draw_part(
     blocks: Floats, planes: Floats, number: int, left: int, right: int, top: int, bottom: int
 ) -> None:
@@ -403,7 +403,7 @@ def _draw_part(
                 block[_NEAR + lane] = max(near, here)
 
 
-@borrowing
+@inlined
 def _span(outline: Floats, row: int, left: int, right: int) -> tuple[int, int]:
     """Return which blocks of a row, of those from left to right, may meet a triangle."""
     room = outline[6]
