@@ -173,3 +173,11 @@ def borrowing(function: _Function) -> _Function:
 def owning(function: _Function) -> _Function:
     """Compile, as `compiled` does, a kernel that makes arrays and that borrowing ones call."""
     return compiled(function, _nrt=True)
+
+
+def inlined(function: _Function) -> _Function:
+    """Compile, as `borrowing` does, a kernel that becomes a part of those that call it.
+
+    A call that takes arrays passes seven numbers for each, which costs more than a short kernel.
+    """
+    return compiled(function, _nrt=False, forceinline=True)

@@ -257,17 +257,15 @@ class PinholeView:
 
         NaN for what is behind the camera, or where the lens model is not one to one.
         """
-        points = points_m @ self._rotation().T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            slopes = np.where(points[:, 2:] > 0.0, points[:, :2] / points[:, 2:], np.nan)
+        points = points_m @ self._rotation().T if self.rectified_from_camera else points_m
+        x, y, z = points.T
+        depths = np.where(z > 0.0, z, np.nan)
+        x, y = x / depths, y / depths
         if not self.is_straight:
-            numbers = np.array(self.distortion)
-            x, y = slopes.T
             is_outside = np.hypot(x, y) > self._radial_limit
-            slopes = np.column_stack(_distorted(x, y, numbers)[:2])
-            slopes[is_outside] = np.nan
-        pixels: _Floats = slopes * (self.fx, self.fy) + (self.cx, self.cy)
-        return pixels
+            x, y = _distorted(x, y, np.array(self.distortion))[:2]
+            x[is_outside] = y[is_outside] = np.nan
+        return np.column_stack((self.fx * x + self.cx, self.fy * y + self.cy))
 
     def _rotation(self) -> npt.NDArray[np.float64]:
         numbers = self.rectified_from_camera

@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros._compiled import borrowing
+from are_ros._compiled import borrowing, inlined
 
 Floats = npt.NDArray[np.float32]
 Integers = npt.NDArray[np.int32]
@@ -75,13 +75,13 @@ def _widest(spans: Integers, row: int, radius: int, width: int) -> tuple[int, in
     return (max(first - radius, 0), min(end + radius, width)) if first < end else (width, 0)
 
 
-@borrowing
+@inlined
 def _encoded(intensity: np.float32, srgb: npt.NDArray[np.uint8]) -> np.uint8:
     value: np.uint8 = srgb[min(max(int(intensity * np.float32(4095.0)), 0), 4095)]
     return value
 
 
-@borrowing
+@inlined
 def standard_noise(seed: np.uint64, number: int) -> np.float32:
     """Return a number of mean 0 and deviation 1, nearly normal: the sum of the bytes of a hash.
 

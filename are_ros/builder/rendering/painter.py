@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -14,11 +14,8 @@ from are_ros.builder.rendering.rasterizing import (
     WIDE,
     Corners,
     Faces,
-    choose_faces,
-    draw,
-    limit_nearness,
+    draw_bodies,
     make_blocks,
-    merge,
     place_points,
 )
 from are_ros.builder.rendering.shading import Textures, darken, shade
@@ -102,7 +99,8 @@ class Painter:
         self._layer_spans = np.tile(np.array((width, 0), dtype=np.int32), (height, 1))
         self._shadow_spans = self._layer_spans.copy()
         self._faces = Faces.room(0)
-        self._textures = _TextureSet()
+        self._window = np.zeros((2, 4), dtype=np.int32)
+        self._surfaces = _SurfaceSet()
 
     @cached_property
     def rays(self) -> Floats:
@@ -149,9 +147,9 @@ class Painter:
         seen = np.zeros(len(bodies), dtype=np.int64)
         shade(
             self._flat_rays,
-            self._window,
+            self._window[1],
             self._faces,
-            self._textures.packed,
+            self._surfaces.textures,
             _LINEAR,
             self.blocks,
             self._touched,
@@ -181,65 +179,39 @@ class Painter:
         """Draw all bodies; return how many samples meet each, hidden or not, int64 (N,)."""
         met = np.zeros(len(bodies), dtype=np.int64)
         near = [k for k, body in enumerate(bodies) if self._may_see(body, map_from_camera)]
-        surfaces = [bodies[k].surface for k in near]
-        self._textures.hold([surface.texture for surface in surfaces])
-        most = sum(len(surface.indices) for surface in surfaces)
-        if most >= len(self._faces.owners):
-            self._faces = Faces.room(most)
-        self._window = np.array((self.view.width, self.view.height, 0, 0), dtype=np.int32)
+        self._surfaces.hold([bodies[k].surface for k in near])
+        corners = self._surfaces.corners
+        if len(corners.indices) >= len(self._faces.owners):
+            self._faces = Faces.room(len(corners.indices))
         camera_from_map = map_from_camera.inverse()
         poses = [(camera_from_map @ bodies[k].map_from_box).matrix() for k in near]
-        ends = np.cumsum([0, *(len(surface.points_m) for surface in surfaces)])
-        points = np.empty((ends[-1], 3))
-        for surface, pose, begin, end in zip(surfaces, poses, ends, ends[1:], strict=False):
-            place_points(surface.points_m, pose, points[begin:end])
+        points = np.empty((len(corners.points_m), 3))
+        place_points(corners, np.array(poses).reshape(-1, 4, 4), points)
         places = self.view.project(points)
         light = _light(lighting)
-        up = map_from_camera.rotation_matrix()[2].astype(np.float32)
-        first = 0
-        for number, k in enumerate(near):
-            own = slice(ends[number], ends[number + 1])
-            surface, window = surfaces[number], np.empty(4, dtype=np.int32)
-            box_from_camera = poses[number][:3, :3].T
-            directions = light.copy()
-            directions[:2] = light[:2] @ bodies[k].map_from_box.rotation_matrix()
-            last = choose_faces(
-                Corners(
-                    surface.points_m,
-                    surface.indices,
-                    surface.normals,
-                    surface.colours,
-                    surface.uvs,
-                ),
-                points[own],
-                places[own],
-                self._bulges(points[own], places[own], surface.indices),
-                (self.view.width, self.view.height),
-                self._planes,
-                surface.is_closed,
-                -box_from_camera @ poses[number][:3, 3],
-                directions,
-                k,
-                number,
-                first,
-                self._faces,
-                window,
-            )
-            if last > first:
-                draw(self.blocks, self._faces, first, last)
-                heights_m = (map_from_camera.translation_m[2], bodies[k].ground_m)
-                limit_nearness(
-                    self._flat_rays,
-                    window,
-                    real_m,
-                    up,
-                    np.array(heights_m, dtype=np.float32),
-                    self._least,
-                )
-                met[k] = merge(window, self._least, self.blocks, self._touched)
-                self._window[:2] = np.minimum(self._window[:2], window[:2])
-                self._window[2:] = np.maximum(self._window[2:], window[2:])
-            first = last
+        turns = [bodies[k].map_from_box.rotation_matrix() for k in near]
+        cameras_m = [-pose[:3, :3].T @ pose[:3, 3] for pose in poses]
+        heights_m = [(map_from_camera.translation_m[2], bodies[k].ground_m) for k in near]
+        draw_bodies(
+            corners,
+            points,
+            places,
+            self._bulges(points, places, corners.indices),
+            self._planes,
+            np.array(near, dtype=np.int32),
+            np.array(cameras_m).reshape(-1, 3),
+            np.array([(*(light[:2] @ turn), light[2]) for turn in turns]).reshape(-1, 3, 3),
+            np.array(heights_m, dtype=np.float32).reshape(-1, 2),
+            map_from_camera.rotation_matrix()[2].astype(np.float32),
+            self._flat_rays,
+            real_m,
+            self._least,
+            self._faces,
+            self.blocks,
+            self._touched,
+            self._window,
+            met,
+        )
         return met
 
     def _bulges(
@@ -340,24 +312,24 @@ class Painter:
         low = np.where(is_known.all(axis=1, keepdims=True), np.floor(low), 0)
         high = np.where(is_known.all(axis=1, keepdims=True), np.ceil(high) + 1, size)
         windows = np.concatenate((np.clip(low, 0, size), np.clip(high, 0, size)), axis=1)
-        camera_m = map_from_camera.translation_m.astype(np.float32)
-        turn = map_from_camera.rotation_matrix().astype(np.float32)
-        for body, window in zip(bodies, windows.astype(np.int32), strict=True):
+        boxes = []
+        for body in bodies:
             x, y, _ = body.map_from_box.translation_m.tolist()
-            yaw = body.map_from_box.yaw_rad()
+            yaw_rad = body.map_from_box.yaw_rad()
             half_x, half_y, _ = body.half_sizes_m.tolist()
-            box = (x, y, body.ground_m, math.cos(yaw), math.sin(yaw), half_x, half_y)
-            darken(
-                self._flat_rays,
-                window,
-                camera_m,
-                turn,
-                np.array(box, dtype=np.float32),
-                real_m,
-                np.float32(strength),
-                self._shadow_left,
-                self._shadow_spans,
-            )
+            box = (x, y, body.ground_m, math.cos(yaw_rad), math.sin(yaw_rad), half_x, half_y)
+            boxes.append(box)
+        darken(
+            self._flat_rays,
+            windows.astype(np.int32),
+            map_from_camera.translation_m.astype(np.float32),
+            map_from_camera.rotation_matrix().astype(np.float32),
+            np.array(boxes, dtype=np.float32),
+            real_m,
+            np.float32(strength),
+            self._shadow_left,
+            self._shadow_spans,
+        )
 
     def _composed(
         self, pixels: npt.NDArray[np.uint8], lighting: Lighting, random: np.random.Generator
@@ -388,29 +360,51 @@ class Painter:
         return painted
 
 
-class _TextureSet:
-    """The textures of the surfaces in an image, packed anew only when they are others."""
+class _SurfaceSet:
+    """The surfaces in an image, packed anew only when they are others."""
 
     def __init__(self) -> None:
-        self._held: list[npt.NDArray[np.uint8]] = []
-        self.packed = Textures(np.empty(0, dtype=np.uint8), np.empty((0, 3), dtype=np.int64))
+        self._held: list[Surface] = []
+        self._pack()
 
-    def hold(self, textures: list[npt.NDArray[np.uint8]]) -> None:
-        """Pack textures (H, W, 3), unless they are packed already."""
-        is_held = len(textures) == len(self._held) and all(
-            one is other for one, other in zip(textures, self._held, strict=True)
+    def hold(self, surfaces: list[Surface]) -> None:
+        """Pack surfaces, unless they are packed already."""
+        is_held = len(surfaces) == len(self._held) and all(
+            one is other for one, other in zip(surfaces, self._held, strict=True)
         )
-        if is_held:
-            return
-        starts = np.cumsum([0, *(texture.size for texture in textures)])
+        if not is_held:
+            self._held = surfaces
+            self._pack()
+
+    def _pack(self) -> None:
+        held = self._held
+        sizes = [(len(one.points_m), len(one.indices), one.texture.size) for one in held]
+        starts = np.cumsum([(0, 0, 0), *sizes], axis=0)
+        self.corners = Corners(
+            starts[:, :2].copy(),
+            np.array([one.is_closed for one in held], dtype=np.bool_),
+            _joined([one.points_m for one in held], (0, 3), np.float32),
+            _joined(
+                [one.indices + start for one, start in zip(held, starts[:, 0], strict=False)],
+                (0, 3),
+                np.int32,
+            ),
+            _joined([one.normals for one in held], (0, 3, 3), np.float32),
+            _joined([one.colours for one in held], (0, 3, 3), np.float32),
+            _joined([one.uvs for one in held], (0, 3, 2), np.float32),
+        )
         places = [
-            (start, *texture.shape[:2]) for start, texture in zip(starts, textures, strict=False)
+            (start, *one.texture.shape[:2]) for one, start in zip(held, starts[:, 2], strict=False)
         ]
-        texels = [np.empty(0, dtype=np.uint8), *(texture.reshape(-1) for texture in textures)]
-        self._held = textures
-        self.packed = Textures(
-            np.concatenate(texels), np.array(places, dtype=np.int64).reshape(-1, 3)
+        self.textures = Textures(
+            _joined([one.texture.reshape(-1) for one in held], (0,), np.uint8),
+            np.array(places, dtype=np.int64).reshape(-1, 3),
         )
+
+
+def _joined(arrays: list[Any], shape: tuple[int, ...], kind: type[np.generic]) -> Any:
+    """Return arrays one after the other, of a shape with no rows if there are none."""
+    return np.concatenate([np.empty(shape, dtype=kind), *arrays], dtype=kind, casting="same_kind")
 
 
 def _light(lighting: Lighting) -> npt.NDArray[np.float64]:

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from are_ros._compiled import borrowing
+from are_ros._compiled import borrowing, inlined
 
 Floats = npt.NDArray[np.float32]
 Integers = npt.NDArray[np.int32]
@@ -80,8 +80,13 @@ class Faces(NamedTuple):
 
 
 class Corners(NamedTuple):
-    """The triangles of a surface in the frame of their box; see `Surface`."""
+    """The triangles of N surfaces, one after the other, each in its box's frame; see `Surface`.
 
+    `starts` int64 (N + 1, 2): where the points and the triangles of each begin, and the ends.
+    """
+
+    starts: npt.NDArray[np.int64]
+    is_closed: npt.NDArray[np.bool_]
     points_m: Floats
     indices: Integers
     normals: Floats
@@ -164,39 +169,48 @@ def _between_columns(
 
 @borrowing
 def place_points(
-    points_m: Floats, camera_from_box: npt.NDArray[np.float64], placed: npt.NDArray[np.float64]
+    corners: Corners,
+    cameras_from_boxes: npt.NDArray[np.float64],
+    placed: npt.NDArray[np.float64],
 ) -> None:
-    """Write points (V, 3) of the box's frame in the camera's; `camera_from_box` is (4, 4)."""
-    matrix = camera_from_box
-    for point in range(points_m.shape[0]):
-        x, y, z = points_m[point, 0], points_m[point, 1], points_m[point, 2]
-        for axis in range(3):
-            placed[point, axis] = (
-                matrix[axis, 0] * x + matrix[axis, 1] * y + matrix[axis, 2] * z + matrix[axis, 3]
+    """Write all points in the camera's frame (V, 3); `cameras_from_boxes` are (N, 4, 4)."""
+    for body in range(cameras_from_boxes.shape[0]):
+        matrix = cameras_from_boxes[body]
+        for point in range(corners.starts[body, 0], corners.starts[body + 1, 0]):
+            x, y, z = (
+                corners.points_m[point, 0],
+                corners.points_m[point, 1],
+                corners.points_m[point, 2],
             )
+            for axis in range(3):
+                placed[point, axis] = (
+                    matrix[axis, 0] * x
+                    + matrix[axis, 1] * y
+                    + matrix[axis, 2] * z
+                    + matrix[axis, 3]
+                )
 
 
 @borrowing
 def choose_faces(
     corners: Corners,
+    number: int,
     points: npt.NDArray[np.float64],
     pixels: npt.NDArray[np.float64],
     bulges: npt.NDArray[np.float64],
     size: tuple[int, int],
     frustum: npt.NDArray[np.float64],
-    is_closed: bool,
     camera_m: npt.NDArray[np.float64],
     light: npt.NDArray[np.float64],
     body: int,
-    texture: int,
     first: int,
     faces: Faces,
     window: Integers,
 ) -> int:
-    """Add the triangles of a body that a ray may meet to the faces, from `first` on.
+    """Add the triangles of a surface, that of a body, that a ray may meet to the faces.
 
-    Return the number of faces then; `window` (4,) is the rectangle of pixels around them, empty
-    where there are none.
+    They are added from `first` on. Return the number of faces then; `window` (4,) is the rectangle
+    of pixels around them, empty where there are none.
 
     Points (V, 3) are in the camera's frame, and pixels (V, 2) where they are in the image of a
     `size`, NaN where that is not known. The sides of triangle f bulge by bulges[f] pixels in the
@@ -205,8 +219,9 @@ def choose_faces(
     directions of the `light` (3, 3) are in the box's frame.
     """
     window[0], window[1], window[2], window[3] = size[0], size[1], 0, 0
+    is_closed = corners.is_closed[number]
     face = first
-    for triangle in range(corners.indices.shape[0]):
+    for triangle in range(corners.starts[number, 1], corners.starts[number + 1, 1]):
         a, b, c = (
             np.uint32(corners.indices[triangle, 0]),
             np.uint32(corners.indices[triangle, 1]),
@@ -225,8 +240,9 @@ def choose_faces(
             if _is_outside(points, a, b, c, frustum):
                 continue
             bounds[0], bounds[1], bounds[2], bounds[3] = 0, 0, size[0], size[1]
-            for number in range(7):
-                outline[number] = _INFINITE if number == 6 else _ZERO
+            for place in range(6):
+                outline[place] = _ZERO
+            outline[6] = _INFINITE
         elif not _bound(pixels, a, b, c, bulge + _ROOM_PX, size, bounds, outline):
             continue
         # The sides' planes of two triangles with a side in common are the same but for the sign,
@@ -253,7 +269,7 @@ def choose_faces(
         found[11] = scale * (pz + qz + rz)
         is_plain = np.isnan(corners.uvs[triangle, 0, 0])
         faces.owners[face] = body
-        faces.textures[face] = -1 if is_plain else texture
+        faces.textures[face] = -1 if is_plain else number
         _put_looks(corners, triangle, is_plain, camera_m, light, scale, found)
         window[0], window[1] = min(window[0], bounds[0]), min(window[1], bounds[1])
         window[2], window[3] = max(window[2], bounds[2]), max(window[3], bounds[3])
@@ -261,7 +277,7 @@ def choose_faces(
     return face
 
 
-@borrowing
+@inlined
 def _put_looks(
     corners: Corners,
     triangle: int,
@@ -286,7 +302,7 @@ def _put_looks(
             planes[12 + 3 * channel + axis] = scale * total
 
 
-@borrowing
+@inlined
 def _bound(
     pixels: npt.NDArray[np.float64],
     a: int,
@@ -330,7 +346,7 @@ def _is_outside(
     return False
 
 
-@borrowing
+@inlined
 def _brightness(
     corners: Corners,
     triangle: int,
@@ -352,7 +368,7 @@ def _brightness(
     )
 
 
-@borrowing
+@inlined
 def _of_corner(normal: Floats, turn: float, light: npt.NDArray[np.float64]) -> float:
     x, y, z = turn * normal[0], turn * normal[1], turn * normal[2]
     lamp = x * light[0, 0] + y * light[0, 1] + z * light[0, 2]
@@ -376,7 +392,7 @@ def draw(blocks: Floats, faces: Faces, first: int, end: int) -> None:
             _draw_part(blocks, planes, number, begin, stop, row, row + 1)
 
 
-@borrowing
+@inlined
 def _draw_part(
     blocks: Floats, planes: Floats, number: int, left: int, right: int, top: int, bottom: int
 ) -> None:
@@ -403,7 +419,7 @@ def _draw_part(
                 block[_NEAR + lane] = max(near, here)
 
 
-@borrowing
+@inlined
 def _span(outline: Floats, row: int, left: int, right: int) -> tuple[int, int]:
     """Return which blocks of a row, of those from left to right, may meet a triangle."""
     room = outline[6]
@@ -487,3 +503,60 @@ def merge(window: Integers, least: Floats, blocks: Floats, touched: npt.NDArray[
                     )
                     block[_NEAR + lane] = _ZERO
     return count
+
+
+@borrowing
+def draw_bodies(
+    corners: Corners,
+    points: npt.NDArray[np.float64],
+    pixels: npt.NDArray[np.float64],
+    bulges: npt.NDArray[np.float64],
+    frustum: npt.NDArray[np.float64],
+    bodies: Integers,
+    cameras_m: npt.NDArray[np.float64],
+    lights: npt.NDArray[np.float64],
+    heights_m: Floats,
+    up: Floats,
+    rays: Floats,
+    real: Floats,
+    least: Floats,
+    faces: Faces,
+    blocks: Floats,
+    touched: npt.NDArray[np.uint8],
+    window: Integers,
+    met: npt.NDArray[np.int64],
+) -> None:
+    """Draw bodies one after the other, and put each into the image where it is in front.
+
+    `bodies` (N,) are their numbers, `cameras_m` (N, 3) and `lights` (N, 3, 3) as one of each in
+    `choose_faces`, `heights_m` (N, 2) as one in `limit_nearness`. The last row of `window` (2, 4)
+    becomes the rectangle around all; the first is room. `met` counts the samples that meet each
+    body, hidden or not.
+    """
+    size, first = (real.shape[1], real.shape[0]), 0
+    own, whole = window[0], window[1]
+    whole[0], whole[1], whole[2], whole[3] = size[0], size[1], 0, 0
+    for number in range(bodies.size):
+        last = choose_faces(
+            corners,
+            number,
+            points,
+            pixels,
+            bulges,
+            size,
+            frustum,
+            cameras_m[number],
+            lights[number],
+            bodies[number],
+            first,
+            faces,
+            own,
+        )
+        if last == first:
+            continue
+        draw(blocks, faces, first, last)
+        limit_nearness(rays, own, real, up, heights_m[number], least)
+        met[bodies[number]] = merge(own, least, blocks, touched)
+        whole[0], whole[1] = min(whole[0], own[0]), min(whole[1], own[1])
+        whole[2], whole[3] = max(whole[2], own[2]), max(whole[3], own[3])
+        first = last

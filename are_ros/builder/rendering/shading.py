@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from are_ros._compiled import borrowing
+from are_ros._compiled import borrowing, inlined
 from are_ros.builder.rendering.rasterizing import (
     FLOOR_M,
     FRONT,
@@ -95,7 +95,7 @@ def shade(
                 block[FRONT_FACE + lane] = -_ONE
 
 
-@borrowing
+@inlined
 def _count(
     one: int, two: int, three: int, four: int, owners: Integers, seen: npt.NDArray[np.int64]
 ) -> tuple[int, bool]:
@@ -120,7 +120,7 @@ def _count(
     return best, first == second and first == third and first == last
 
 
-@borrowing
+@inlined
 def _add_several(
     block: Floats,
     place: int,
@@ -148,7 +148,7 @@ def _add_several(
             _add(x, y, z, np.uint32(face), share, faces, textures, linear, out)
 
 
-@borrowing
+@inlined
 def _add(
     x: np.float32,
     y: np.float32,
@@ -175,7 +175,7 @@ def _add(
     out[3] += share
 
 
-@borrowing
+@inlined
 def _texel(
     bright: np.float32,
     across: np.float32,
@@ -199,6 +199,36 @@ def _texel(
 
 @borrowing
 def darken(
+    rays: Floats,
+    windows: Integers,
+    camera: Floats,
+    map_from_camera: Floats,
+    boxes: Floats,
+    real: Floats,
+    strength: np.float32,
+    shadow: Floats,
+    spans: Integers,
+) -> None:
+    """Lower the share (H, W) of the light that reaches the floor near bodies; see `_darken`.
+
+    `windows` are (N, 4), `boxes` (N, 7).
+    """
+    for body in range(boxes.shape[0]):
+        _darken(
+            rays,
+            windows[body],
+            camera,
+            map_from_camera,
+            boxes[body],
+            real,
+            strength,
+            shadow,
+            spans,
+        )
+
+
+@borrowing
+def _darken(
     rays: Floats,
     window: Integers,
     camera: Floats,
@@ -254,7 +284,7 @@ def darken(
             spans[row, 1] = max(spans[row, 1], left + end)
 
 
-@borrowing
+@inlined
 def _fading(share: np.float32) -> np.float32:
     """Return about exp(-4 share^2), and 0 from 1 on."""
     left = _ONE - share * share

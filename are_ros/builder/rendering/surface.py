@@ -107,12 +107,18 @@ def corner_normals(corners_m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64
     _, points = np.unique(places, axis=0, return_inverse=True)
     points = points.reshape(-1)
     order = np.argsort(points, kind="stable")
-    starts = np.flatnonzero(np.diff(points[order], prepend=-1))
-    normals = np.empty((len(points), 3))
-    for group in np.split(order, starts[1:]):
-        own = faces[group // 3]
-        is_near = own @ own.T >= _CREASE
-        normals[group] = is_near @ across[group // 3]
+    points = points[order]
+    normals = np.repeat(across, 3, axis=0)
+    # Each corner with the next at the same point, then with the one after that, and so on.
+    for step in range(1, len(points)):
+        here = np.flatnonzero(points[step:] == points[:-step])
+        if not here.size:
+            break
+        one, other = order[here], order[here + step]
+        is_near = (faces[one // 3] * faces[other // 3]).sum(axis=1) >= _CREASE
+        one, other = one[is_near], other[is_near]
+        normals[one] += across[other // 3]
+        normals[other] += across[one // 3]
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
     return normals.reshape(-1, 3, 3)
 

@@ -329,6 +329,25 @@ def test_normals_of_a_sphere_are_round_and_those_of_a_cube_are_flat() -> None:
     assert corner_normals(flat) == pytest.approx(np.repeat(across[:, np.newaxis], 3, 1))
 
 
+def test_normals_at_corners_are_the_sums_over_the_faces_there_that_bend_little() -> None:
+    """Face by face, on a cone, whose tip has both: neighbours within the crease and others."""
+    turns = np.linspace(0.0, math.tau, 10)
+    rim = np.column_stack((np.cos(turns), np.sin(turns), np.zeros(10)))
+    tip = np.tile((0.0, 0.0, 0.7), (9, 1))
+    corners = np.stack((rim[:-1], rim[1:], tip), axis=1)
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    units = across / np.linalg.norm(across, axis=1, keepdims=True)
+    found = corner_normals(corners)
+    for face in range(9):
+        for corner in range(3):
+            total = np.zeros(3)
+            for other in range(9):
+                touches = np.abs(corners[other] - corners[face, corner]).max(axis=1).min() < 1e-9
+                if touches and units[face] @ units[other] >= 0.6:
+                    total += across[other]
+            assert found[face, corner] == pytest.approx(total / np.linalg.norm(total))
+
+
 def test_a_texture_is_laid_on_the_triangles() -> None:
     """Its left half is red, its right half blue."""
     texture = np.zeros((2, 4, 3), dtype=np.uint8)
@@ -343,6 +362,31 @@ def test_a_texture_is_laid_on_the_triangles() -> None:
     left, right = painting.pixels[30, columns[3]], painting.pixels[30, columns[-4]]
     assert left[0] > 100 > left[2]
     assert right[2] > 100 > right[0]
+
+
+def test_each_body_has_its_own_texture_also_where_it_reaches_behind_the_camera() -> None:
+    """A red sheet and a green floor that goes on below the camera, whose corners have no pixel."""
+    uvs = np.full((2, 3, 2), 0.5, dtype=np.float32)
+    square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])[[[0, 1, 2], [0, 2, 3]]]
+    upright = np.stack((np.zeros((2, 3)), *np.moveaxis(square, 2, 0)), axis=2)
+    level = np.concatenate((5.0 * square, np.full((2, 3, 1), -0.5)), axis=2)
+    bodies = []
+    for channel, corners in enumerate((0.2 * upright, level)):
+        texture = np.zeros((1, 1, 3), dtype=np.uint8)
+        texture[..., channel] = 255
+        plain = Surface.of(corners, np.full((2, 3), 0.5))
+        sheet = replace(plain, uvs=uvs, texture=texture)
+        bodies.append(replace(standing(sheet, 2.0 - channel, 0.0, 0.0), ground_m=-9.0))
+    for order in (bodies, bodies[::-1]):
+        painting = paint(Painter(PINHOLE), order)
+        assert painting.pixels is not None
+        assert (painting.mask[-1] == order.index(bodies[1])).all()
+        for channel, body in enumerate(bodies):
+            is_own = (painting.mask == order.index(body)).astype(np.uint8)
+            inside = painting.pixels[cv2.erode(is_own, np.ones((3, 3))) > 0]
+            assert len(inside) > 10
+            assert (inside[:, channel] > 50).all()
+            assert inside.sum() == inside[:, channel].sum()
 
 
 def test_srgb_goes_there_and_back() -> None:
