@@ -14,6 +14,8 @@ from are_ros.agents.mdp.policy import (
     persistence_of,
     prior_of,
     slipped,
+    surely_kept,
+    weights_between,
 )
 
 SHARES = (0.5, 0.3, 0.15, 0.05)
@@ -113,3 +115,26 @@ def test_moves_slip_with_their_probabilities(slip: float) -> None:
 def test_staying_never_slips() -> None:
     """There is nothing to slip."""
     assert slipped(STAY, 1.0, 0.1) == STAY
+
+
+@pytest.mark.parametrize("temperature", [0.025, 1.0, math.inf])
+def test_who_surely_keeps_a_behaviour_keeps_it_whatever_the_rewards(temperature: float) -> None:
+    """And with rewards that are known it is told of all who keep it, but for rounding."""
+    random, told, kept = np.random.default_rng(3), 0, 0
+    for _ in range(3_000):
+        shares, in_force = random.dirichlet(np.ones(4)).tolist(), int(random.integers(4))
+        prior = prior_of(shares, in_force, random.choice([0.0, 0.5, 0.97]))
+        low = random.uniform(-0.05, 0.05, 4)
+        high = low + random.choice([0.0, 0.03]) * random.random(4)
+        advantages, uniform = (-0.1 * random.random(4)).tolist(), float(random.random())
+        ranges = list(zip(low.tolist(), high.tolist(), strict=True))
+        bounds = weights_between(prior, ranges, advantages, 1.0, temperature)
+        is_sure = surely_kept(bounds, in_force, uniform)
+        for share in (0.0, 1.0, *random.random((6, 4))):
+            rewards = low + share * (high - low)
+            weights = boltzmann(prior, (rewards + advantages).tolist(), temperature)
+            is_kept = drawn(weights, uniform) == in_force
+            assert is_kept or not is_sure
+            if (low == high).all():
+                told, kept = told + is_sure, kept + is_kept
+    assert told == kept > 1_000
