@@ -36,7 +36,7 @@ from are_ros.agents.mdp.policy import (
     persistence_of,
     prior_of,
     slipped,
-    surely_kept,
+    surely_drawn,
     weights_between,
 )
 from are_ros.agents.mdp.routes import AHEAD
@@ -318,8 +318,8 @@ class DecisionLayer:
     ) -> int:
         """Draw the index of a behaviour, given the advantages (B,) of their best moves.
 
-        Rewards take long to find in a crowd, and the one in force is nearly always kept. So at
-        first only their bounds are looked at.
+        Rewards take long to find in a crowd, and hardly ever matter: most draws keep the behaviour
+        in force, or are those of a much better one. So at first only their bounds are looked at.
         """
         repertoire, settings = state.repertoire, self._settings
         prior = prior_of(repertoire.shares, repertoire.in_force, self._stays)
@@ -328,8 +328,8 @@ class DecisionLayer:
         uniform = state.policy_random.random()
         if temperature > 0.0:
             bounds = weights_between(prior, ranges, advantages, period_s, temperature)
-            if surely_kept(bounds, repertoire.in_force, uniform):
-                return repertoire.in_force
+            if (index := surely_drawn(bounds, uniform)) is not None:
+                return index
         values = [
             period_s * reward + advantage
             for reward, advantage in zip(repertoire.rewards(situation), advantages, strict=True)

@@ -83,19 +83,23 @@ def weights_between(
     ]
 
 
-def surely_kept(weights: Sequence[tuple[float, float]], in_force: int, uniform: float) -> bool:
-    """Return whether `drawn` returns `in_force` for all weights (A,) between two bounds each.
+def surely_drawn(weights: Sequence[tuple[float, float]], uniform: float) -> int | None:
+    """Return what `drawn` returns for all weights (A,) between two bounds each; None if it varies.
 
-    Rounding is allowed for: where it might matter, the result is False.
+    Rounding is allowed for: where it might matter, the result is None.
     """
-    before, own, after = weights[:in_force], weights[in_force][0], weights[in_force + 1 :]
+    index = drawn([low for low, _ in weights], uniform)
+    if index == len(weights):  # all are 0, by rounding
+        return None
+    before, own, after = weights[:index], weights[index][0], weights[index + 1 :]
     rest, keeps = 1.0 - uniform, 1.0 - _ROUNDING
     above = own + sum(low for low, _ in after)
     below = own + sum(low for low, _ in before)
-    return (
+    is_sure = (
         sum(high for _, high in before) * rest <= keeps * uniform * above
         and sum(high for _, high in after) * uniform < keeps * rest * below
     )
+    return index if is_sure else None
 
 
 def slipped(move: int, slip: float, uniform: float) -> int:
