@@ -130,8 +130,9 @@ def difference(theirs: npt.NDArray[np.float64], ours: Solution, horizon: int) ->
     """Return by how much values differ at most, over all epochs kept; SystemExit if by too much."""
     if ours.epochs != horizon:
         raise SystemExit(f"only {ours.epochs} of {horizon} epochs were computed")
-    kept = theirs[::-1] if len(ours.planes) > 1 else theirs[:1]
-    apart = float(np.abs(kept.reshape(ours.planes.shape) - ours.planes).max())
+    first = horizon + 1 - len(ours.planes)
+    kept = np.array([ours.plane(epoch) for epoch in range(horizon, first - 1, -1)])
+    apart = float(np.abs(theirs[: len(kept)].reshape(kept.shape) - kept).max())
     if apart > 1e-4 * np.abs(theirs).max():
         raise SystemExit(f"the values differ by {apart}")
     return apart

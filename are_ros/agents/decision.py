@@ -29,7 +29,16 @@ from are_ros.agents.behaviours.situation import (
 from are_ros.agents.behaviours.walking import arrival_m
 from are_ros.agents.local_planner.body import Body
 from are_ros.agents.local_planner.planner import LocalPlanner, Obstruction
-from are_ros.agents.mdp.policy import STAY, boltzmann, drawn, persistence_of, prior_of, slipped
+from are_ros.agents.mdp.policy import (
+    STAY,
+    boltzmann,
+    drawn,
+    persistence_of,
+    prior_of,
+    slipped,
+    surely_drawn,
+    weights_between,
+)
 from are_ros.agents.mdp.routes import AHEAD
 from are_ros.agents.navigation.destinations import Destinations
 from are_ros.agents.navigation.navigation import (
@@ -223,7 +232,7 @@ class DecisionLayer:
         epochs = range(self._period, (AHEAD + 1) * self._period, self._period)
         ahead_m = np.stack([table.committed(steps)[:, :2] for steps in epochs], axis=1)
         columns = (table.ids, table.poses, self._planner.motion[:, 5], ahead_m, table.radii_m)
-        view = AgentSnapshot(table.artefacts.copy(), columns, self.sees, table.doing)
+        view = AgentSnapshot(table.artefacts.copy(), columns, self.sees, table.doing_now())
         left, deciding = list[int](), dict[int, AgentState]()
         for row in rows:
             state = table.states[row]
@@ -288,21 +297,14 @@ class DecisionLayer:
         known = dict(zip(travelling, prospects, strict=True))
         for row, state in several.items():
             situation, repertoire = situations[row], state.repertoire
+            prospect, advantages = known.get(row), [0.0] * len(repertoire)
+            if prospect is not None and prospect.kind is Prospects.CHOOSES:
+                advantages = repertoire.advantages(prospect.values, prospect.rest)
             try:
-                rewards = repertoire.rewards(situation)
+                chosen = self._drawn_behaviour(state, situation, advantages)
             except BehaviourError as fault:
                 self._stop(row, fault, situation.now_ns)
                 continue
-            prospect, advantages = known.get(row), [0.0] * len(rewards)
-            if prospect is not None and prospect.kind is Prospects.CHOOSES:
-                advantages = repertoire.advantages(prospect.values, prospect.rest)
-            values = [
-                self._settings.decision_period * reward + advantage
-                for reward, advantage in zip(rewards, advantages, strict=True)
-            ]
-            prior = prior_of(repertoire.shares, repertoire.in_force, self._stays)
-            weights = boltzmann(prior, values, self._settings.temperature)
-            chosen = drawn(weights, state.policy_random.random())
             if chosen != repertoire.in_force:
                 self._change(row, state, chosen, situation.now_ns)
         return {
@@ -310,6 +312,29 @@ class DecisionLayer:
             for row, request in travelling.items()
             if request.intent.goal_m is not None
         }
+
+    def _drawn_behaviour(
+        self, state: AgentState, situation: Situation, advantages: Sequence[float]
+    ) -> int:
+        """Draw the index of a behaviour, given the advantages (B,) of their best moves.
+
+        Rewards take long to find in a crowd, and hardly ever matter: most draws keep the behaviour
+        in force, or are those of a much better one. So at first only their bounds are looked at.
+        """
+        repertoire, settings = state.repertoire, self._settings
+        prior = prior_of(repertoire.shares, repertoire.in_force, self._stays)
+        period_s, temperature = settings.decision_period, settings.temperature
+        ranges = repertoire.reward_bounds(situation)
+        uniform = state.policy_random.random()
+        if temperature > 0.0:
+            bounds = weights_between(prior, ranges, advantages, period_s, temperature)
+            if (index := surely_drawn(bounds, uniform)) is not None:
+                return index
+        values = [
+            period_s * reward + advantage
+            for reward, advantage in zip(repertoire.rewards(situation), advantages, strict=True)
+        ]
+        return drawn(boltzmann(prior, values, temperature), uniform)
 
     def _prospects(
         self,

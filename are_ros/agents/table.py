@@ -6,7 +6,7 @@ arrays; everything else reads them.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -145,12 +145,15 @@ class AgentTable:
         self._lives["behaviour"][row] = self._behaviours.index(behaviour)
         self.artefacts[row].behaviour = behaviour
 
-    def doing(self, behaviour: str) -> npt.NDArray[np.int64]:
-        """Return the rows of the agents with a behaviour, ascending."""
-        if behaviour not in self._behaviours:
-            return np.empty(0, np.int64)
-        numbers = self._lives["behaviour"][: len(self)]
-        return np.flatnonzero(numbers == self._behaviours.index(behaviour))
+    def doing_now(self) -> Callable[[str], npt.NDArray[np.int64]]:
+        """Return a function of a behaviour: the rows of the agents that have it now, ascending."""
+        numbers, known = self._lives["behaviour"][: len(self)].copy(), self._behaviours.copy()
+
+        def rows_of(behaviour: str) -> npt.NDArray[np.int64]:
+            number = known.index(behaviour) if behaviour in known else -1
+            return np.flatnonzero(numbers == number)
+
+        return rows_of
 
     @property
     def tracks(self) -> list[tuple[int, FollowedTrack]]:

@@ -93,6 +93,18 @@ def reward_of(behaviour: Any, situation: Situation) -> float:
     return float(reward)
 
 
+def bounds_of(behaviour: Any, situation: Situation) -> tuple[float, float]:
+    """Return bounds of `reward_of`, by its `reward_bounds`, if it has any.
+
+    A class that inherits the method may have other rewards.
+    """
+    if "reward_bounds" in vars(type(behaviour)):
+        bounds: tuple[float, float] = behaviour.reward_bounds(situation)
+        return bounds
+    reward = reward_of(behaviour, situation)
+    return reward, reward
+
+
 def answer_of(user_object: object, method: str, argument: object, call: BehaviourCall) -> Any:
     """Return what a method of a user-defined class returns; BehaviourError if it raises."""
     kind = type(user_object)

@@ -53,9 +53,13 @@ class Following:
 
     def reward(self, situation: Situation) -> float:
         """Return what following is worth: something with a leader, nothing without one near."""
-        if self._leader_id is not None and situation.neighbour(self._leader_id) is not None:
+        if self._has_leader(situation) or self._leader_within(_NOTICED_WITHIN_M, situation):
             return WORTH
-        return WORTH if self._leader_within(_NOTICED_WITHIN_M, situation) else -WORTH
+        return -WORTH
+
+    def reward_bounds(self, situation: Situation) -> tuple[float, float]:
+        """Return bounds of the reward, without looking for a leader."""
+        return WORTH if self._has_leader(situation) else -WORTH, WORTH
 
     def decide(self, situation: Situation) -> Intent:
         """Return the intent to follow the leader, to wait behind it, or to walk."""
@@ -66,6 +70,10 @@ class Following:
         if situation.sees(*leader.point_m):
             return self._behind(leader, situation)
         return self._along_trail(leader, situation)
+
+    def _has_leader(self, situation: Situation) -> bool:
+        """Return whether its leader is alive."""
+        return self._leader_id is not None and situation.neighbour(self._leader_id) is not None
 
     def _leader(self, situation: Situation) -> Neighbour | None:
         """Return the leader, a new one if necessary, None if there is none."""

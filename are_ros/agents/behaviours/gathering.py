@@ -46,11 +46,19 @@ class Gathering:
 
     def reward(self, situation: Situation) -> float:
         """Return what gathering is worth: most in company, something if a meeting is near."""
-        if self._until_ns is not None and situation.now_ns < self._until_ns:
-            return WORTH if self._is_alone else 2.0 * WORTH
+        least, greatest = self.reward_bounds(situation)
+        if least == greatest:
+            return least
         hosts = _hosts_by_place(situation)
         has_room = _with_room(hosts, self._trip.shut(situation)) is not None if hosts else False
-        return 1.5 * WORTH if has_room else 0.0
+        return greatest if has_room else least
+
+    def reward_bounds(self, situation: Situation) -> tuple[float, float]:
+        """Return bounds of the reward, without looking for meetings."""
+        if self._until_ns is not None and situation.now_ns < self._until_ns:
+            reward = WORTH if self._is_alone else 2.0 * WORTH
+            return reward, reward
+        return 0.0, 1.5 * WORTH
 
     def decide(self, situation: Situation) -> Intent:
         """Return the intent to go to a meeting, to stand in its ring, or to part."""

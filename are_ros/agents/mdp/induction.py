@@ -21,7 +21,7 @@ def solved(
     """
     model, (height, width) = problem.model, problem.terminal.shape
     padding, size = max(*model.reaches, FAR) * width, 4 * height * width
-    flat = np.zeros(kept * size + 2 * padding, np.float32)
+    flat = np.empty(kept * size + 2 * padding, np.float32)
     planes = flat[padding : padding + kept * size].reshape(kept, 4, height, width)
     planes[0] = problem.terminal
     settled = np.zeros((height, width), np.int32)

@@ -158,20 +158,25 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Values float32 (K, 4, h, w) by epochs left and heading; beyond the last, the last is valid.
+    """Values float32 (K, 4, h, w) of the last K epochs by heading; epoch t is in place t % K.
 
-    With K = 1 only the longest horizon was kept. `settled` int32 (h, w) is the last epoch that
-    changed any value of a cell, and `epochs` were computed: fewer than the horizon if the values
-    did not change any more.
+    Beyond the last epoch, the last is valid. `settled` int32 (h, w) is the last epoch that changed
+    any value of a cell, and `epochs` were computed: fewer than the horizon if the values did not
+    change any more.
     """
 
     planes: Floats
     settled: npt.NDArray[np.int32]
     epochs: int
 
+    @property
+    def nbytes(self) -> int:
+        """Memory of the planes."""
+        return self.planes.nbytes
+
     def plane(self, epochs_left: int) -> Floats:
         """Return V (4, h, w) for a number of epochs left, from the planes kept."""
-        last: Floats = self.planes[min(epochs_left, len(self.planes) - 1)]
+        last: Floats = self.planes[min(epochs_left, self.epochs) % len(self.planes)]
         return last
 
 
@@ -228,17 +233,10 @@ def solve(problem: Problem, horizon: int, kept_bytes: int = KEPT_BYTES) -> Solut
     What a direction leads to does not depend on the heading or the intended action: each epoch
     takes four shifted planes for each pace, then the best of the sums (eq. of section 3.2). It runs
     in one thread, with the same bits on all machines. If all planes would need more than
-    `kept_bytes`, only the last one is kept.
+    `kept_bytes`, the last ones are kept, at least one.
     """
     height, width = problem.terminal.shape
-    keeps_all = 16 * (horizon + 1) * height * width <= kept_bytes
-    planes, settled, epochs = _induction.solved(problem, horizon + 1 if keeps_all else 2, horizon)
-    last = planes[: epochs + 1] if keeps_all else planes[epochs % 2][None].copy()
+    kept = max(1, min(horizon + 1, kept_bytes // (16 * height * width)))
+    planes, settled, epochs = _induction.solved(problem, max(kept, 2), horizon)
+    last = planes[: epochs + 1] if kept > 1 else planes[epochs % 2][None].copy()
     return Solution(last, settled, epochs)
-
-
-def last_planes(problem: Problem, horizon: int, count: int) -> Floats:
-    """Return the last `count` planes up to V_horizon, (count, 4, h, w), as `solve` does."""
-    planes, _, epochs = _induction.solved(problem, count, horizon)
-    last = [min(epoch, epochs) % count for epoch in range(horizon + 1 - count, horizon + 1)]
-    return planes[last]

@@ -16,6 +16,7 @@ STAY: Final = 0
 """The move of staying; 1 to 4 go east, north, west and south."""
 
 _TIE: Final = 1e-9
+_ROUNDING: Final = 1e-9
 
 
 def persistence_of(period_s: float, mean_time_s: float) -> float:
@@ -57,6 +58,48 @@ def drawn(weights: Sequence[float], uniform: float) -> int:
     """Return the index that a uniform number from [0, 1) draws by weights (A,), not all 0."""
     sums = list(accumulate(weights))
     return bisect_right(sums, uniform * sums[-1])
+
+
+def weights_between(
+    prior: Sequence[float],
+    ranges: Sequence[tuple[float, float]],
+    advantages: Sequence[float],
+    period_s: float,
+    temperature: float,
+) -> list[tuple[float, float]]:
+    """Return bounds of weights (A,) for rewards between bounds; they are as `boltzmann`'s.
+
+    But for rounding, and a common factor. `ranges` (A,) are the least and the greatest reward of a
+    second, `advantages` (A,) are added to that of an epoch. The temperature is above 0.
+    """
+    exp, over = math.exp, zip(prior, ranges, advantages, strict=True)
+    top = period_s * max(high for _, high in ranges) + max(advantages)
+    return [
+        (
+            share * exp((period_s * low + advantage - top) / temperature),
+            share * exp((period_s * high + advantage - top) / temperature),
+        )
+        for share, (low, high), advantage in over
+    ]
+
+
+def surely_drawn(weights: Sequence[tuple[float, float]], uniform: float) -> int | None:
+    """Return what `drawn` returns for all weights (A,) between two bounds each; None if it varies.
+
+    Rounding is allowed for: where it might matter, the result is None.
+    """
+    index = drawn([low for low, _ in weights], uniform)
+    if index == len(weights):  # all are 0, by rounding
+        return None
+    before, own, after = weights[:index], weights[index][0], weights[index + 1 :]
+    rest, keeps = 1.0 - uniform, 1.0 - _ROUNDING
+    above = own + sum(low for low, _ in after)
+    below = own + sum(low for low, _ in before)
+    is_sure = (
+        sum(high for _, high in before) * rest <= keeps * uniform * above
+        and sum(high for _, high in after) * uniform < keeps * rest * below
+    )
+    return index if is_sure else None
 
 
 def slipped(move: int, slip: float, uniform: float) -> int:

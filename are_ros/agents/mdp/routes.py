@@ -26,13 +26,14 @@ AHEAD = 2
 class ValueArrays(NamedTuple):
     """A value table as the kernels take it, with a window of h x w cells.
 
-    `planes`, `settled` and `nearness` as in `ValueTable`, `lengths` and `costs` as in `Ways`.
-    `paces` (P, 2) are reach and effort of each. `prices` are those of time and clearance, and what
-    resting saves; `chances` and `turns` as in `Process`; `corner` is the window's first cell,
-    `goal` the goal's in the window.
+    `planes`, `epochs`, `settled` and `nearness` as in `ValueTable`, `lengths` and `costs` as in
+    `Ways`. `paces` (P, 2) are reach and effort of each. `prices` are those of time and clearance,
+    and what resting saves; `chances` and `turns` as in `Process`; `corner` is the window's first
+    cell, `goal` the goal's in the window.
     """
 
     planes: Floats
+    epochs: tuple[int, int]
     settled: Lengths
     lengths: Lengths
     costs: Floats
@@ -286,21 +287,23 @@ def _next_direction(values: ValueArrays, state: tuple[int, int, int], row: int, 
 
 @borrowing
 def place_of(values: ValueArrays, epochs_left: int) -> int:
-    """Return which plane has the values with so many epochs left."""
-    last: int = values.planes.shape[0] - 1
-    return max(0, min(epochs_left, last))
+    """Return which plane has the values with so many epochs left, or is the last one."""
+    last, kept = values.epochs[0], values.planes.shape[0]
+    place: int = (epochs_left if max(0, last - kept + 1) <= epochs_left < last else last) % kept
+    return place
 
 
 @borrowing
 def is_settled(values: ValueArrays, row: int, col: int, epochs_left: int, ahead: int) -> bool:
     """Tell whether the planes have the values after the epochs ahead, where these may lead to."""
-    if values.planes.shape[0] > 1:
-        return True
+    last, (computed, longest) = epochs_left - ahead, values.epochs
+    if last > computed - values.planes.shape[0]:
+        return last <= longest
     reach = 0
     for pace in range(values.paces.shape[0]):
         reach = max(reach, ahead * int(values.paces[pace, 0]))
     height, width = values.settled.shape
-    last = min(epochs_left - ahead, 254)
+    last = min(last, 254)
     for r in range(max(0, row - reach), min(height, row + reach + 1)):
         for c in range(max(0, col - reach), min(width, col + reach + 1)):
             if values.settled[r, c] > last:

@@ -10,10 +10,10 @@ import numpy.typing as npt
 
 from are_ros.agents.mdp.coarse_map import Cell, CoarseMap
 from are_ros.agents.mdp.model import (
+    Solution,
     TravelModel,
     Ways,
     Window,
-    last_planes,
     price_in,
     problem_of,
     solve,
@@ -66,8 +66,8 @@ class TableStore(Generic[Key, Table]):
             self.nbytes -= oldest.nbytes
 
 
-KEPT_BYTES_PER_TABLE: Final = 2**19
-"""Planes of all epochs are kept up to this size; else that of the longest horizon is."""
+KEPT_BYTES_PER_TABLE: Final = 2**17
+"""Planes of the last epochs are kept up to this size, at least that of the longest horizon."""
 
 SWEPT_BYTES: Final = 128 * 2**20
 """Memory for the planes of larger tables that were computed again."""
@@ -86,21 +86,23 @@ PARTS_BYTES: Final = 8 * 2**20
 TRIP_MARGINS_M: Final = (2.0, 4.0, 12.0)
 """Margins of such parts about start and goal: the first one that loses no better way is used."""
 
-TableKey = tuple[tuple[int, float, float, float], TravelModel, Cell, Window]
+TableKey = tuple[tuple[int, float, float, float], TravelModel, Cell, Window, int]
+"""The coarse map's key, the model, the goal's cell, the window, and the longest horizon."""
 
 
 @dataclass(frozen=True, eq=False)
 class ValueTable:
     """The values of going to a goal, within a window of h x w coarse cells.
 
-    `goal_m` is the end point in the map frame. `planes` float32 (K, 4, h, w) are the values by
-    epochs left and heading; K = 1 if all planes would need too much memory: then those of the
-    longest horizon, which hold for other epochs, too, from `settled` uint8 (h, w) on in each cell
-    (255: for no other). `lengths` and `costs` as in `model.Ways`, `nearness` float32 (H, W) is the
-    whole map's.
+    `goal_m` is the end point in the map frame. `planes` float32 (K, 4, h, w) are the values of the
+    last K epochs as in `model.Solution`: all, if that does not need too much memory. `epochs` are
+    the last epoch computed and the longest horizon for which that holds. The last plane also holds
+    for earlier epochs, from `settled` uint8 (h, w) on in each cell (255: for no other). `lengths`
+    and `costs` as in `model.Ways`, `nearness` float32 (H, W) is the whole map's.
     """
 
     planes: npt.NDArray[np.float32]
+    epochs: tuple[int, int]
     settled: npt.NDArray[np.uint8]
     lengths: npt.NDArray[np.uint8]
     costs: npt.NDArray[np.float32]
@@ -126,7 +128,7 @@ class ValueTable:
     @property
     def ways(self) -> Ways:
         """The ways to the goal."""
-        _, model, goal, window = self.key
+        _, model, goal, window, _ = self.key
         price = price_in(self.nearness, model, window)
         goal = goal[0] - self.corner[0], goal[1] - self.corner[1]
         return Ways(self.lengths, price, self.costs, goal, model)
@@ -137,6 +139,7 @@ class ValueTable:
         model = self.model
         return ValueArrays(
             self.planes,
+            self.epochs,
             self.settled,
             self.lengths,
             self.costs,
@@ -192,7 +195,7 @@ class ValueTables:
         self._kept_bytes = kept_bytes
         self._shared = _Store(budget_bytes)
         self._parts = _Store(min(budget_bytes, PARTS_BYTES))
-        self._swept = TableStore[tuple[TableKey, int], npt.NDArray[np.float32]](SWEPT_BYTES)
+        self._swept = TableStore[tuple[TableKey, int], Solution](SWEPT_BYTES)
 
     def __len__(self) -> int:
         return len(self._shared) + len(self._parts)
@@ -214,12 +217,13 @@ class ValueTables:
         model: TravelModel,
         goal_m: tuple[float, float],
         start: Cell | None = None,
+        epochs_left: int | None = None,
     ) -> ValueTable | None:
         """Return the table for a goal in the map frame; None if no open cell is near it.
 
         The table's `goal_m` is the goal itself if the disc fits there, else the anchor of its cell.
         On a large map, a trip from cell `start` gets a table of the cells about start and goal
-        only, if no way that leaves them can be better.
+        only, if no way that leaves them can be better, and up to `epochs_left` only.
         """
         goal = coarse.cell_of(*goal_m)
         if goal is None:
@@ -228,9 +232,10 @@ class ValueTables:
             goal_m = coarse.anchor_of(goal)
         window, table = self._window(coarse, goal), None
         if start is not None and _cells_in(window) > SHARED_CELLS:
-            table = self._of_part(coarse, model, goal, window, start, goal_m)
+            left = self._horizon if epochs_left is None else min(epochs_left, self._horizon)
+            table = self._of_part(coarse, model, goal, window, start, goal_m, left)
         if table is None:
-            key = (coarse.key, model, goal, window)
+            key = (coarse.key, model, goal, window, self._horizon)
             found = self._table_or_ways(self._shared, coarse, key)
             table = self._solved(self._shared, coarse, key, found, goal_m)
         return table if table.goal_m == goal_m else replace(table, goal_m=goal_m)
@@ -243,6 +248,7 @@ class ValueTables:
         whole: Window,
         start: Cell,
         goal_m: tuple[float, float],
+        horizon: int,
     ) -> ValueTable | None:
         """Return the table of the smallest part that certainly has the best way; None if none has.
 
@@ -253,7 +259,7 @@ class ValueTables:
             window = _part(whole, goal, start, margin)
             if not _holds(window, start):
                 return None
-            key = (coarse.key, model, goal, window)
+            key = (coarse.key, model, goal, window, horizon)
             found = self._table_or_ways(self._parts, coarse, key)
             (row, col), _ = window
             if found.costs[start[0] - row, start[1] - col] <= _least_outside(
@@ -262,29 +268,18 @@ class ValueTables:
                 return self._solved(self._parts, coarse, key, found, goal_m)
         return None
 
-    def plane(self, table: ValueTable, epochs_left: int) -> npt.NDArray[np.float32]:
-        """Return the values (4, h, w) with so many epochs left; computed again if necessary."""
-        if len(table.planes) > 1:
-            planes, place = table.planes, min(epochs_left, len(table.planes) - 1)
-        else:
-            block, place = divmod(epochs_left, SWEPT_EPOCHS)
-            planes = self._block(table, block)
-        plane: npt.NDArray[np.float32] = planes[place]
-        return plane
-
-    def _block(self, table: ValueTable, block: int) -> npt.NDArray[np.float32]:
-        """Return the planes of `SWEPT_EPOCHS` epochs of a table."""
-        key = table.key, block
-        planes = self._swept.get(key)
-        if planes is None:
-            last = (block + 1) * SWEPT_EPOCHS - 1
-            planes = last_planes(problem_of(table.ways), last, SWEPT_EPOCHS)
-            self._swept.put(key, planes)
-        return planes
+    def swept(self, table: ValueTable, epochs_left: int) -> ValueTable:
+        """Return a table with the planes of `SWEPT_EPOCHS` epochs computed again, that one too."""
+        last = epochs_left - epochs_left % SWEPT_EPOCHS + SWEPT_EPOCHS - 1
+        found = self._swept.get((table.key, last))
+        if found is None:
+            found = solve(problem_of(table.ways), last, 16 * SWEPT_EPOCHS * table.costs.size)
+            self._swept.put((table.key, last), found)
+        return replace(table, planes=found.planes, epochs=(found.epochs, last))
 
     def _table_or_ways(self, store: _Store, coarse: CoarseMap, key: TableKey) -> ValueTable | Ways:
         """Return the table of a window, or the ways from which to compute it."""
-        _, model, goal, window = key
+        _, model, goal, window, _ = key
         known = store.get(key)
         return known or ways_to(coarse.edges, coarse.nearness, goal, model, window)
 
@@ -298,9 +293,10 @@ class ValueTables:
     ) -> ValueTable:
         """Return the table; compute it from ways if necessary, with `goal_m` as its end point."""
         if isinstance(found, Ways):
-            solution = solve(problem_of(found), self._horizon, self._kept_bytes)
+            solution = solve(problem_of(found), key[-1], self._kept_bytes)
             found = ValueTable(
                 planes=solution.planes,
+                epochs=(solution.epochs, key[-1]),
                 settled=np.minimum(solution.settled, NEVER_SETTLED).astype(np.uint8),
                 lengths=found.lengths,
                 costs=found.costs,

@@ -51,8 +51,6 @@ _GOALS_KEPT = 3
 """So many goals of an agent are known: of its journey, of its behaviour, and its way out."""
 
 _NO_ENVIRONMENT = "there is no environment yet, so no way can be found"
-_SETTLED = np.empty((0, 0), np.uint8)
-"""No cell whose values could be others."""
 
 _NO_WAY = np.empty((0, 2))
 _NO_VALUES = np.empty((0, 5))
@@ -100,10 +98,10 @@ class ActiveGoal(NamedTuple):
     table: ValueTable
     arrays: GoalArrays
 
-    def with_plane(self, plane: npt.NDArray[np.float32]) -> "ActiveGoal":
-        """Return the same with the values (4, h, w) of the epoch that counts in each cell."""
-        ground, (_, _, *others), ends = self.arrays
-        return self._replace(arrays=(ground, (plane[None], _SETTLED, *others), ends))
+    def with_table(self, table: ValueTable) -> "ActiveGoal":
+        """Return the same with the planes of other epochs."""
+        ground, _, ends = self.arrays
+        return self._replace(table=table, arrays=(ground, tuple(table.value_arrays), ends))
 
 
 class Prospect(NamedTuple):
@@ -224,7 +222,7 @@ class Navigation:
             return Prospect(Prospects.ARRIVED)
         active = known.get(key)
         if active is not None and active.environment is self._environment:
-            prospect = self._prospect_by(request, active, view, around, index)
+            prospect = self._prospect_by(request, key, view, around, index)
             if prospect.kind is not Prospects.NO_WAY:
                 return prospect
         elif (intent.is_moving_goal or away_m <= STRAIGHT_M) and self.sees(
@@ -241,17 +239,18 @@ class Navigation:
         known[key] = active
         if len(known) > _GOALS_KEPT:
             del known[next(iter(known))]
-        return self._prospect_by(request, active, view, around, index)
+        return self._prospect_by(request, key, view, around, index)
 
     def _prospect_by(
         self,
         request: NavigationRequest,
-        active: ActiveGoal,
+        key: GoalKey,
         view: AgentSnapshot,
         around: Robot,
         index: int,
     ) -> Prospect:
         """Return the prospect by the values of the decision process."""
+        active = request.state.active[key]
         values, epochs = np.empty((len(request.speeds_mps), 5)), self._epochs(request.left_s)
         look = partial(
             prospect_of,
@@ -263,8 +262,8 @@ class Navigation:
         )
         what, heading, value = look(*active.arrays)
         if what == UNKNOWN:
-            plane = self._tables.plane(active.table, max(0, epochs - AHEAD))
-            active = active.with_plane(plane)
+            table = self._tables.swept(active.table, max(0, epochs - AHEAD))
+            active = request.state.active[key] = active.with_table(table)
             what, heading, value = look(*active.arrays)
         rest = active.table.model.rest
         if what == CHOOSES:
@@ -329,7 +328,8 @@ class Navigation:
                 request.state.slip,
             )
             start = coarse.cell_of(me.x_m, me.y_m)
-            table = self._tables.value(coarse, model, goal_m, start)
+            left = max(0, self._epochs(request.left_s) - AHEAD)
+            table = self._tables.value(coarse, model, goal_m, start, left)
             if table is not None and start is not None and table.reaches(start):
                 goal_spec = (
                     min(profile.radius_m, coarse.radius_m),

@@ -6,12 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from are_ros.agents.behaviours.calls import NO_CALL
+from are_ros.agents.behaviours.calls import NO_CALL, bounds_of, reward_of
+from are_ros.agents.behaviours.crossing import Crossing
+from are_ros.agents.behaviours.following import Following
+from are_ros.agents.behaviours.gathering import Gathering
 from are_ros.agents.behaviours.leaving import WalkingOut
+from are_ros.agents.behaviours.open_view import OpenView
 from are_ros.agents.behaviours.repertoire import Repertoire
 from are_ros.agents.behaviours.situation import Intent, Situation, Standing
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
-from tests.agents.behaviours.stage import Actor, alone, row_of
+from tests.agents.behaviours.stage import Actor, alone, fellow_at, row_of
 
 TRAVELS = {"walking": 0.6, "running": 0.2, "stopping": 0.1, "following": 0.1}
 
@@ -88,3 +92,24 @@ def test_walking_out_is_worth_much_when_it_is_time() -> None:
         found.way_out.is_time = is_time
         told = dict(zip(found.names, found.rewards(situation), strict=True))
         assert sign * told["leaving"] > 5.0 * max(abs(told[name]) for name in TRAVELS)
+
+
+def test_bounds_of_rewards_hold_whatever_is_around() -> None:
+    """Of those that look around; the others are asked at once, as are classes that inherit."""
+
+    class Shy(Gathering):
+        def reward(self, situation: Situation) -> float:
+            return super().reward(situation) - 1.0
+
+    by_itself, near = situation_of_one(), fellow_at((1.0, 0.0), velocity_mps=(0.5, 0.0))
+    host = fellow_at((2.0, 0.0), behaviour="gathering", activity="waiting")
+    seen = set()
+    for around in ((), (near,), (host,), (near, host)):
+        situation = by_itself._replace(view=OpenView(around))
+        for kind in (Following, Gathering, Crossing, Shy):
+            least, greatest = bounds_of(kind(), situation)
+            reward = reward_of(kind(), situation)
+            assert least <= reward <= greatest
+            assert (least < greatest) == (kind in {Following, Gathering})
+            seen.add((kind, reward))
+    assert len(seen) == 7

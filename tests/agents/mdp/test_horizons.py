@@ -19,7 +19,7 @@ from are_ros.agents.mdp.routes import (
     best_action,
     is_settled,
 )
-from are_ros.agents.mdp.value_tables import ValueTable, ValueTables
+from are_ros.agents.mdp.value_tables import SWEPT_EPOCHS, ValueTable, ValueTables
 from are_ros.agents.navigation.step_kernels import scratch_of
 from are_ros.agents.navigation.terrain import Terrain
 from are_ros.world.environment import Environment, PlaneGround
@@ -61,11 +61,11 @@ def compare(
 ) -> None:
     """Count states (cell, heading, horizon), those with another best action, and other values.
 
-    And those that need all planes: the others have the plane of the longest horizon, as in
-    navigation. `full` and `least` are the fields of `ValueArrays`.
+    And those that need other planes than the ones kept, as in navigation. `full` and `least` are
+    the fields of `ValueArrays`.
     """
     everything, one_plane = ValueArrays(*full), ValueArrays(*least)
-    swept = ValueArrays(again, *least[1:])
+    swept = ValueArrays(again, (again.shape[0] - 1, HORIZON), *least[2:])
     (rows, columns), paces = everything.costs.shape, everything.paces.shape[0]
     kept, bounded, scratch = np.empty((paces, 5)), np.empty((paces, 5)), scratch_of(paces)
     nobody = np.empty((AHEAD, 0, 5))
@@ -87,15 +87,20 @@ def compare(
                     counts[3] += not holds
 
 
-def differing(coarse: CoarseMap, goal_m: tuple[float, float]) -> int:
+def differing(coarse: CoarseMap, goal_m: tuple[float, float], kept_planes: int = 1) -> int:
     """Return in how many states the best action is another with bounded memory; values are equal.
 
     Of every cell from which a way leads to the goal, every heading, and every horizon.
     """
-    everything, bounded = (ValueTables(HORIZON - AHEAD, kept_bytes=kept) for kept in (2**40, 0))
+    kept_bytes = 16 * kept_planes * coarse.nearness.size
+    sizes = (2**40, kept_bytes)
+    everything, bounded = (ValueTables(HORIZON - AHEAD, kept_bytes=kept) for kept in sizes)
     full, least = (table_of(tables, coarse, goal_m) for tables in (everything, bounded))
-    again = np.stack([bounded.plane(least, epochs) for epochs in range(HORIZON - AHEAD + 1)])
-    assert len(least.planes) == 1
+    tables = [bounded.swept(least, t) for t in range(HORIZON - AHEAD + 1)]
+    again = np.stack(
+        [one.planes[min(t, one.epochs[0]) % SWEPT_EPOCHS] for t, one in enumerate(tables)]
+    )
+    assert len(least.planes) == kept_planes
     assert (again[: len(full.planes)] == full.planes).all()
     assert (again[len(full.planes) :] == full.planes[-1]).all()
     counts = np.zeros(4, np.int64)
@@ -108,10 +113,10 @@ def differing(coarse: CoarseMap, goal_m: tuple[float, float]) -> int:
 
 
 def test_in_the_office_every_horizon_has_the_action_of_all_planes() -> None:
-    """With the plane of the longest horizon, and that of the epoch where that does not hold."""
+    """With the planes of the last horizons, and that of the epoch where these do not hold."""
     coarse = coarse_map(OFFICE)
-    for goal_m in goals_of(coarse, 2):
-        assert differing(coarse, goal_m) == 0
+    for goal_m, kept_planes in zip(goals_of(coarse, 2), (1, 7), strict=True):
+        assert differing(coarse, goal_m, kept_planes) == 0
 
 
 @pytest.mark.parametrize("name", ["nav2-maps/depot.yaml", "drl-jarvis-hall/i-108_10mm.yaml"])
@@ -130,7 +135,7 @@ def test_actions_of_another_plane_are_counted() -> None:
     (goal_m,) = goals_of(coarse, 1)
     full = table_of(ValueTables(HORIZON - AHEAD, kept_bytes=2**40), coarse, goal_m)
     longest, counts = full.planes[-1:].copy(), np.zeros(4, np.int64)
-    forced = full.value_arrays._replace(planes=longest, settled=np.zeros_like(full.settled))
+    forced = full.value_arrays._replace(planes=longest, epochs=(0, HORIZON))
     compare(tuple(full.value_arrays), tuple(forced), full.planes, coarse.anchors_m, counts)
     assert min(counts[:3]) > 0
     assert counts[3] == 0

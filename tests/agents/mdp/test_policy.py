@@ -14,6 +14,8 @@ from are_ros.agents.mdp.policy import (
     persistence_of,
     prior_of,
     slipped,
+    surely_drawn,
+    weights_between,
 )
 
 SHARES = (0.5, 0.3, 0.15, 0.05)
@@ -113,3 +115,31 @@ def test_moves_slip_with_their_probabilities(slip: float) -> None:
 def test_staying_never_slips() -> None:
     """There is nothing to slip."""
     assert slipped(STAY, 1.0, 0.1) == STAY
+
+
+@pytest.mark.parametrize("temperature", [0.025, 1.0, math.inf])
+def test_what_is_surely_drawn_is_drawn_whatever_the_rewards(temperature: float) -> None:
+    """And with rewards that are known it is told for all draws, but for rounding."""
+    random, told = np.random.default_rng(3), 0
+    for _ in range(3_000):
+        shares, in_force = random.dirichlet(np.ones(4)).tolist(), int(random.integers(4))
+        prior = prior_of(shares, in_force, random.choice([0.0, 0.5, 0.97]))
+        low = random.uniform(-0.05, 0.05, 4)
+        high = low + random.choice([0.0, 0.03]) * random.random(4)
+        advantages, uniform = (-0.1 * random.random(4)).tolist(), float(random.random())
+        ranges = list(zip(low.tolist(), high.tolist(), strict=True))
+        bounds = weights_between(prior, ranges, advantages, 1.0, temperature)
+        surely = surely_drawn(bounds, uniform)
+        assert surely is not None or (low < high).any()
+        told += surely is not None and (low < high).any()
+        for share in (0.0, 1.0, *random.random((6, 4))):
+            rewards = low + share * (high - low)
+            weights = boltzmann(prior, (rewards + advantages).tolist(), temperature)
+            assert surely in {None, drawn(weights, uniform)}
+    assert told > 500
+
+
+def test_nothing_is_surely_drawn_by_weights_that_are_lost_in_rounding() -> None:
+    """They are then found in another way."""
+    bounds = weights_between((0.5, 0.5), ((-1.0, 1.0), (-1.0, 1.0)), (0.0, 0.0), 1.0, 1e-4)
+    assert surely_drawn(bounds, 0.5) is None

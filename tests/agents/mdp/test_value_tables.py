@@ -222,3 +222,24 @@ def test_who_starts_beyond_the_longest_trip_has_the_table_of_the_whole_window(
         assert table is not None
         assert table.costs.shape == (13, 13)
         assert not table.reaches(start)
+
+
+def test_the_table_of_a_trip_ends_with_the_life_and_goes_on_if_that_does(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its planes are those of a table of all epochs; what comes later is computed when needed."""
+    monkeypatch.setattr(value_tables, "SHARED_CELLS", 64)
+    coarse = CoarseMap(terrain_of(np.zeros((400, 400), np.bool_)), 0.25)
+    start = coarse.cell_of(3.0, 3.0)
+    tables = ValueTables(horizon=20)
+    short, whole = (tables.value(coarse, WALKER, POINT_M, start, left) for left in (5, None))
+    assert short is not None
+    assert whole is not None
+    assert short.epochs == (5, 5)
+    assert whole.epochs[1] == 20
+    for epochs in range(6):
+        at = min(epochs, whole.epochs[0])
+        assert (short.planes[epochs] == whole.planes[at]).all()
+    later = tables.swept(short, 11)
+    last = min(11, later.epochs[0])
+    assert (later.planes[last % len(later.planes)] == whole.planes[min(11, whole.epochs[0])]).all()
