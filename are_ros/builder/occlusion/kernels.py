@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from are_ros._compiled import compiled
+from are_ros._compiled import compiled, inlined
 from are_ros.builder.occlusion.meshes import Tree, cast_tile
 from are_ros.builder.occlusion.rays import PIXELS, TILE, Tiles, free_cone, inverse, trace
 
@@ -84,7 +84,7 @@ _INFINITE_BITS: Final = np.int32(0x7F800000)
 compiler compare side by side, as the least of floats depends on where NaN is."""
 
 
-@compiled
+@inlined
 def find_candidates(
     axis: npt.NDArray[np.float32],
     spread: np.float32,
@@ -260,7 +260,7 @@ def hide_behind_others(
     return _drop_hidden(count, scratch)
 
 
-@compiled
+@inlined
 def _drop_hidden(count: int, scratch: Scratch) -> int:
     """Set Z_a to inf behind the front; keep those candidates of which something is left."""
     depths, front, kept = scratch.depths, scratch.front_m, 0
@@ -278,7 +278,7 @@ def _drop_hidden(count: int, scratch: Scratch) -> int:
     return kept
 
 
-@compiled
+@inlined
 def _matters(
     depths: npt.NDArray[np.float32],
     last: npt.NDArray[np.float32],
@@ -369,7 +369,7 @@ def _turned(
     return turned
 
 
-@compiled
+@inlined
 def _turn_all(
     matrix: npt.NDArray[np.float32],
     rays: npt.NDArray[np.float32],
@@ -419,7 +419,7 @@ def _trace_environment(
     )
 
 
-@compiled
+@inlined
 def _tally(
     first_pixel: npt.NDArray[np.int64], count: int, tallies: Tallies, scratch: Scratch
 ) -> None:
@@ -443,7 +443,7 @@ def _tally(
             _widen(tallies.bounds[box], first_pixel, depths, environment)
 
 
-@compiled
+@inlined
 def _widen(
     bounds: npt.NDArray[np.int64],
     first_pixel: npt.NDArray[np.int64],

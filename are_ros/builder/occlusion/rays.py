@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import numpy.typing as npt
 
-from are_ros._compiled import compiled
+from are_ros._compiled import compiled, inlined
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_map import VoxelMap
 
@@ -206,7 +206,7 @@ def trace(
             hits_m[first + lane] = floats[_AT + lane] if hit else _INFINITE
 
 
-@compiled
+@inlined
 def _begin(
     shape: tuple[int, int, int],
     origin: npt.NDArray[np.float32],
@@ -249,7 +249,7 @@ def inverse(component: Any) -> Any:
     return _ONE / (component if abs(component) > _TINY else _TINY)
 
 
-@compiled
+@inlined
 def _leap(
     flat: npt.NDArray[np.uint8],
     shape: tuple[int, int, int],
@@ -338,7 +338,7 @@ def free_cone(
     return min(t, limit_m)
 
 
-@compiled
+@inlined
 def _reach(
     origin: np.float32, axis: np.float32, spread: np.float32, voxel: int, free: int
 ) -> np.float32:
