@@ -41,7 +41,8 @@ def check_images(record: Record) -> CheckResult:
         reason = "the recording holds no image that came in"
         return skipped(_NAME, reason, needs_inputs=record.lacks_inputs)
     tally.look(images.pairs)
-    tally.note(f"{images.unchanged} as they came")
+    if images.pairs:
+        tally.note(f"{images.unchanged} as they came")
     for topic, stamp_ns in images.unmatched():
         if record.is_live:
             tally.leave_out("image", "without the one that came in, which the recording missed")
