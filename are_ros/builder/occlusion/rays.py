@@ -34,6 +34,17 @@ class Tiles(NamedTuple):
     first_pixels: npt.NDArray[np.int64]
 
 
+def aligned(*shape: int) -> npt.NDArray[np.float32]:
+    """Return room for float32 that begins where a line of the cache does.
+
+    Vectors of 64 bytes that lie across two lines cost the kernels up to three times as long.
+    """
+    size = math.prod(shape)
+    room = np.empty(size + 16, dtype=np.float32)
+    first = -room.ctypes.data % 64 // room.itemsize
+    return room[first : first + size].reshape(shape)
+
+
 @dataclass(frozen=True, eq=False)
 class TiledRays:
     """The rays (H, W, 3) of a view, in the optical frame, ready for the occlusion kernel."""
@@ -156,6 +167,7 @@ FLOATS: Final = 8 * LANES
 _TINY: Final = np.float32(1e-20)
 _ZERO: Final = np.float32(0.0)
 _ONE: Final = np.float32(1.0)
+_STEP: Final = np.int32(1)
 _INFINITE: Final = np.float32(np.inf)
 
 
@@ -187,7 +199,7 @@ def trace(
             floats[_DZ + lane] = directions[2, first + lane]
             floats[_END + lane] = limits_m[first + lane]
         _begin(field.shape, origin, start_m, integers, floats)
-        while _leap(flat, field.shape[1], field.shape[2], origin, ignored, integers, floats):
+        while _leap(flat, field.shape, origin, ignored, integers, floats):
             pass
         for lane in range(count):
             hit = integers[_FREE + lane] == 0
@@ -240,8 +252,7 @@ def inverse(component: Any) -> Any:
 @compiled
 def _leap(
     flat: npt.NDArray[np.uint8],
-    stride_z: int,
-    stride_x: int,
+    shape: tuple[int, int, int],
     origin: npt.NDArray[np.float32],
     ignored: int,
     integers: npt.NDArray[np.int32],
@@ -250,22 +261,26 @@ def _leap(
     """Advance every lane that still can by one leap; return whether any did.
 
     The axis along which a ray leaves its cube is set exactly; the others are floored and kept
-    within the cube, so that each leap makes progress whatever the rounding.
+    within the cube, so that each leap makes progress whatever the rounding, and within the lattice:
+    just before an edge of it, rounding would take a ray out of the field's memory. All integers are
+    made int32 again at once, as numba widens their sums to int64, which halves the vectors.
     """
     for lane in range(LANES):
-        index = integers[_INDEX + lane]
-        integers[_FREE + lane] = 1 if index == ignored else flat[np.uint32(index)]
-    rows, columns = np.int32(stride_z), np.int32(stride_x)
+        integers[_FREE + lane] = flat[np.uint32(integers[_INDEX + lane])]
+    own, none = np.int32(ignored), np.int32(0)
+    rows, columns = np.int32(shape[1]), np.int32(shape[2])
+    last_x, last_y, last_z = np.int32(rows - 1), np.int32(columns - 1), np.int32(shape[0] - 1)
     ox, oy, oz = origin[0], origin[1], origin[2]
     moving = np.int32(0)
     for lane in range(LANES):
         x, y, z = integers[_X + lane], integers[_Y + lane], integers[_Z + lane]
-        free = integers[_FREE + lane]
+        free = _STEP if integers[_INDEX + lane] == own else integers[_FREE + lane]
+        integers[_FREE + lane] = free
         sx, sy, sz = integers[_SIGN_X + lane], integers[_SIGN_Y + lane], integers[_SIGN_Z + lane]
         next_x, next_y, next_z = (
-            x + ((free ^ sx) - sx),
-            y + ((free ^ sy) - sy),
-            z + ((free ^ sz) - sz),
+            np.int32(x + ((free ^ sx) - sx)),
+            np.int32(y + ((free ^ sy) - sy)),
+            np.int32(z + ((free ^ sz) - sz)),
         )
         tx = (np.float32(np.int32(next_x - sx)) - ox) * floats[_IX + lane]
         ty = (np.float32(np.int32(next_y - sy)) - oy) * floats[_IY + lane]
@@ -273,17 +288,20 @@ def _leap(
         t = min(tz, ty)
         t = min(t, tx)
         go = (free != 0) & (t < floats[_END + lane])
-        half = free - np.int32(1)
-        inner_x = min(max(np.int32(ox + t * floats[_DX + lane]), x - half), x + half)
-        inner_y = min(max(np.int32(oy + t * floats[_DY + lane]), y - half), y + half)
-        inner_z = min(max(np.int32(oz + t * floats[_DZ + lane]), z - half), z + half)
+        half = np.int32(free - 1)
+        inner_x = np.int32(ox + t * floats[_DX + lane])
+        inner_y = np.int32(oy + t * floats[_DY + lane])
+        inner_z = np.int32(oz + t * floats[_DZ + lane])
+        inner_x = min(max(inner_x, np.int32(x - half), none), np.int32(x + half), last_x)
+        inner_y = min(max(inner_y, np.int32(y - half), none), np.int32(y + half), last_y)
+        inner_z = min(max(inner_z, np.int32(z - half), none), np.int32(z + half), last_z)
         x = (next_x if tx <= t else inner_x) if go else x
         y = (next_y if ty <= t else inner_y) if go else y
         z = (next_z if tz <= t else inner_z) if go else z
         integers[_X + lane], integers[_Y + lane], integers[_Z + lane] = x, y, z
         integers[_INDEX + lane] = (z * rows + x) * columns + y
         floats[_AT + lane] = t if go else floats[_AT + lane]
-        moving += np.int32(go)
+        moving = np.int32(moving + go)
     return bool(moving > 0)
 
 
