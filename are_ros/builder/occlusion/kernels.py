@@ -18,8 +18,8 @@ INFINITE: Final = np.float32(np.inf)
 class Boxes(NamedTuple):
     """N boxes as the camera sees them.
 
-    `cameras_m` float32 (N, 3) is the camera's centre in the frame of each box; `turns` float32
-    (N, 2) cosine and sine of the box's yaw in the map; `halves_m` float32 (N, 3); `far_m` float32
+    `cameras_m` float32 (3, N) is the camera's centre in the frame of each box; `turns` float32
+    (2, N) cosine and sine of the box's yaw in the map; `halves_m` float32 (3, N); `far_m` float32
     (N,) no corner is farther from the camera; `meshes` int64 (N,) as in `MeshSelection`.
     """
 
@@ -74,13 +74,14 @@ class Scratch(NamedTuple):
     limits_m: npt.NDArray[np.float32]
     environment_m: npt.NDArray[np.float32]
     lattice_rays: npt.NDArray[np.float32]
-    hits_m: npt.NDArray[np.float32]
-    traced: npt.NDArray[np.int64]
     inverses_z: npt.NDArray[np.float32]
     farthest_m: npt.NDArray[np.float32]
 
 
 _ZERO = np.float32(0.0)
+_BEFORE: Final = np.int32(-1)
+_BEYOND: Final = np.int32(TILE)
+"""What replaces the column and row of a pixel that does not see the box, before or beyond all."""
 _INFINITE_BITS: Final = np.int32(0x7F800000)
 """Depths are not negative: then their bits, as integers, have their order. Only integers does the
 compiler compare side by side, as the least of floats depends on where NaN is."""
@@ -98,23 +99,28 @@ def find_candidates(
     Where a ray meets a box, at t <= far, the axis at t is within `spread` far of it: so the axis
     meets the box grown by that much.
     """
-    count = 0
-    for box in range(boxes.far_m.size):
-        grown = spread * boxes.far_m[box]
-        cosine, sine = boxes.turns[box, 0], boxes.turns[box, 1]
+    x, y, z = boxes.cameras_m[0], boxes.cameras_m[1], boxes.cameras_m[2]
+    half_x, half_y, half_z = boxes.halves_m[0], boxes.halves_m[1], boxes.halves_m[2]
+    cosines, sines, far_m = boxes.turns[0], boxes.turns[1], boxes.far_m
+    axis_x, axis_y, inverse_z = axis[0], axis[1], inverse(axis[2])
+    for box in range(far_m.shape[0]):
+        grown, cosine, sine = spread * far_m[box], cosines[box], sines[box]
         near = _enter(
-            boxes.cameras_m[box, 0],
-            boxes.cameras_m[box, 1],
-            boxes.cameras_m[box, 2],
-            inverse(cosine * axis[0] + sine * axis[1]),
-            inverse(cosine * axis[1] - sine * axis[0]),
-            inverse(axis[2]),
-            boxes.halves_m[box, 0] + grown,
-            boxes.halves_m[box, 1] + grown,
-            boxes.halves_m[box, 2] + grown,
+            x[box],
+            y[box],
+            z[box],
+            inverse(cosine * axis_x + sine * axis_y),
+            inverse(cosine * axis_y - sine * axis_x),
+            inverse_z,
+            half_x[box] + grown,
+            half_y[box] + grown,
+            half_z[box] + grown,
         )
-        candidates[count] = box
-        count += near < INFINITE
+        candidates[box] = near < INFINITE
+    count = 0
+    for box in range(far_m.shape[0]):  # a loop of its own, so that the tests are vectorised
+        is_met, candidates[count] = candidates[box], box
+        count += is_met
     return count
 
 
@@ -166,10 +172,10 @@ def measure_boxes(
     kept = 0
     for candidate in range(count):
         box = scratch.candidates[candidate]
-        camera_m, half_m = boxes.cameras_m[box], boxes.halves_m[box]
-        cosine, sine = boxes.turns[box, 0], boxes.turns[box, 1]
-        ox, oy, oz = camera_m[0], camera_m[1], camera_m[2]
-        half_x, half_y, half_z = half_m[0], half_m[1], half_m[2]
+        cosine, sine = boxes.turns[0, box], boxes.turns[1, box]
+        cameras_m, halves_m = boxes.cameras_m, boxes.halves_m
+        ox, oy, oz = cameras_m[0, box], cameras_m[1, box], cameras_m[2, box]
+        half_x, half_y, half_z = halves_m[0, box], halves_m[1, box], halves_m[2, box]
         depths, met = scratch.depths[kept], np.int32(0)
         for pixel in range(PIXELS):
             x, y = rays_x[pixel], rays_y[pixel]
@@ -178,7 +184,7 @@ def measure_boxes(
             near = _enter(ox, oy, oz, ix, iy, iz, half_x, half_y, half_z)
             hit = (near <= max_range_m) & (valid[pixel] != 0)
             depths[pixel] = near if hit else INFINITE
-            met += np.int32(hit)
+            met = np.int32(met + hit)
         if by_mesh and met > 0 and boxes.meshes[box] >= 0:
             met = _replace_by_mesh(boxes, tree, box, axis, spread, max_range_m, depths, scratch)
         tallies.unoccluded[box] += met
@@ -206,7 +212,7 @@ def _replace_by_mesh(
     for pixel in range(PIXELS):
         hit = (front[pixel] < max_range_m) & (front[pixel] >= _ZERO)
         depths[pixel] = front[pixel] if hit else INFINITE
-        met += np.int32(hit)
+        met = np.int32(met + hit)
     found: np.int32 = met
     return found
 
@@ -219,8 +225,10 @@ def hide_behind_others(
     spread: np.float32,
     count: int,
     scratch: Scratch,
-) -> None:
+) -> int:
     """Set Z_a to inf where another artefact's shape is in front of a.
+
+    Drop the candidates of which nothing is left, and return how many remain.
 
     Since a shape lies inside its box, or is Z_a itself, none is hidden by its own shape, and one
     shared nearest surface (the front) serves all. A shape is skipped if Z_a is behind the front, or
@@ -252,11 +260,7 @@ def hide_behind_others(
                 front[pixel] = min(front[pixel], depth[pixel])
         else:
             _lower_to_mesh(boxes, tree, box, axis, spread, scratch)
-    for candidate in range(count):
-        depth = depths[candidate]
-        for pixel in range(PIXELS):
-            hidden = depth[pixel] > front[pixel] + TIE_M
-            depth[pixel] = INFINITE if hidden else depth[pixel]
+    return _drop_hidden(count, scratch)
 
 
 @compiled
@@ -268,8 +272,26 @@ def _matters(
     matters = np.int32(0)
     for pixel in range(PIXELS):
         depth = depths[pixel]
-        matters += np.int32((depth + TIE_M < last[pixel]) & (depth < front[pixel]))
+        matters = np.int32(matters + ((depth + TIE_M < last[pixel]) & (depth < front[pixel])))
     return bool(matters > 0)
+
+
+@compiled
+def _drop_hidden(count: int, scratch: Scratch) -> int:
+    """Set Z_a behind the front to inf, drop candidates without a pixel, return the rest's count."""
+    depths, front, kept = scratch.depths, scratch.front_m, 0
+    for candidate in range(count):
+        depth, seen = depths[candidate], np.int32(0)
+        for pixel in range(PIXELS):
+            is_seen = (depth[pixel] <= front[pixel] + TIE_M) & (depth[pixel] < INFINITE)
+            depth[pixel] = depth[pixel] if is_seen else INFINITE
+            seen = np.int32(seen + is_seen)
+        if seen > 0:
+            scratch.candidates[kept] = scratch.candidates[candidate]
+            for pixel in range(PIXELS if kept < candidate else 0):
+                depths[kept, pixel] = depth[pixel]
+            kept += 1
+    return kept
 
 
 @compiled
@@ -282,20 +304,20 @@ def _lower_to_mesh(
     scratch: Scratch,
 ) -> None:
     """Lower the front to the mesh that stands in a box."""
-    cosine, sine = boxes.turns[box, 0], boxes.turns[box, 1]
+    cosine, sine = boxes.turns[0, box], boxes.turns[1, box]
     rays, turned = scratch.rays, scratch.mesh_rays
     for pixel in range(PIXELS):
         turned[0, pixel] = cosine * rays[0, pixel] + sine * rays[1, pixel]
         turned[1, pixel] = cosine * rays[1, pixel] - sine * rays[0, pixel]
         turned[2, pixel] = rays[2, pixel]
-    mesh_axis = np.empty(3, dtype=np.float32)
+    camera_m, mesh_axis = np.empty(3, dtype=np.float32), np.empty(3, dtype=np.float32)
+    for row in range(3):
+        camera_m[row] = boxes.cameras_m[row, box]
     mesh_axis[0] = cosine * axis[0] + sine * axis[1]
     mesh_axis[1] = cosine * axis[1] - sine * axis[0]
     mesh_axis[2] = axis[2]
     grown = spread * boxes.far_m[box]
-    cast_tile(
-        tree, boxes.meshes[box], boxes.cameras_m[box], mesh_axis, grown, turned, scratch.front_m
-    )
+    cast_tile(tree, boxes.meshes[box], camera_m, mesh_axis, grown, turned, scratch.front_m)
 
 
 @compiled
@@ -311,18 +333,17 @@ def render(
     tallies: Tallies,
     scratch: Scratch,
 ) -> None:
-    """Count, for each box, the pixels where it is met at all and those where it is seen."""
+    """Count, for each box, the pixels where it is met at all and those where it is seen.
+
+    Sums and indices of these loops are kept int32: numba makes int64 of the sum of two int32, and
+    then half as many pixels fit into a vector.
+    """
     for tile in range(tiles.rays.shape[0]):
         axis = _turned(map_from_camera, tiles.axes[tile])
         count = find_candidates(axis, tiles.spreads[tile], boxes, scratch.candidates)
         if count == 0:
             continue
-        x, y, z = tiles.rays[tile, 0], tiles.rays[tile, 1], tiles.rays[tile, 2]
-        for row in range(3):
-            out = scratch.rays[row]
-            a, b, c = map_from_camera[row, 0], map_from_camera[row, 1], map_from_camera[row, 2]
-            for pixel in range(PIXELS):
-                out[pixel] = a * x[pixel] + b * y[pixel] + c * z[pixel]
+        _turn_all(map_from_camera, tiles.rays[tile], scratch.rays)
         spread = tiles.spreads[tile]
         count = measure_boxes(
             tiles.valid[tile],
@@ -337,7 +358,7 @@ def render(
             scratch,
         )
         if count > 1 and mutual:
-            hide_behind_others(boxes, tree, axis, tiles.spreads[tile], count, scratch)
+            count = hide_behind_others(boxes, tree, axis, tiles.spreads[tile], count, scratch)
         if count > 0:
             _trace_environment(voxels, axis, tiles.spreads[tile], count, scratch)
             _tally(tiles.first_pixels[tile], count, tallies, scratch)
@@ -356,20 +377,33 @@ def _turned(
 
 
 @compiled
+def _turn_all(
+    matrix: npt.NDArray[np.float32],
+    rays: npt.NDArray[np.float32],
+    turned: npt.NDArray[np.float32],
+) -> None:
+    """Write the rays of a tile (3, PIXELS), turned by a matrix."""
+    x, y, z = rays[0], rays[1], rays[2]
+    for row in range(3):
+        out, a, b, c = turned[row], matrix[row, 0], matrix[row, 1], matrix[row, 2]
+        for pixel in range(PIXELS):
+            out[pixel] = a * x[pixel] + b * y[pixel] + c * z[pixel]
+
+
+@compiled
 def _trace_environment(
     voxels: Voxels, axis: npt.NDArray[np.float32], spread: np.float32, count: int, scratch: Scratch
 ) -> None:
-    """Fill the environment's depth; inf where a pixel needs no ray, or nothing hides a box."""
-    limits, traced, environment = scratch.limits_m, scratch.traced, scratch.environment_m
+    """Fill the environment's depth; inf where no box is so far away, or nothing hides one."""
+    limits, environment, farthest_bits = scratch.limits_m, scratch.environment_m, np.int32(0)
     limits[:] = _ZERO
-    environment[:] = INFINITE
     for candidate in range(count):  # it matters just before the farthest box of a pixel
         depth = scratch.depths[candidate]
         for pixel in range(PIXELS):
             limit = depth[pixel] - TIE_M
             farther = (limit > limits[pixel]) & (limit < INFINITE)
             limits[pixel] = limit if farther else limits[pixel]
-    farthest_bits, bits = np.int32(0), limits.view(np.int32)
+    bits = limits.view(np.int32)
     for pixel in range(PIXELS):
         farthest_bits = max(farthest_bits, bits[pixel])
     scratch.farthest_m.view(np.int32)[0] = farthest_bits
@@ -378,22 +412,18 @@ def _trace_environment(
     spreads = voxels.voxels_per_m * spread
     start = free_cone(voxels.field, voxels.origin, voxels.ignored, lattice_axis, spreads, farthest)
     if farthest <= start:
+        environment[:] = INFINITE
         return
-    waiting = 0
-    for pixel in range(PIXELS):
-        traced[waiting] = pixel
-        waiting += limits[pixel] > start
-    matrix, rays, turned = voxels.lattice_from_map, scratch.rays, scratch.lattice_rays
-    for ray in range(waiting):  # gather the rays to trace, turned and scaled into the lattice
-        pixel = traced[ray]
-        x, y, z = rays[0, pixel], rays[1, pixel], rays[2, pixel]
-        limits[ray] = limits[pixel]
-        for row in range(3):
-            turned[row, ray] = matrix[row, 0] * x + matrix[row, 1] * y + matrix[row, 2] * z
-    hits = scratch.hits_m[:waiting]
-    trace(voxels.field, voxels.origin, voxels.ignored, turned, start, limits, hits)
-    for ray in range(waiting):
-        environment[traced[ray]] = hits[ray]
+    _turn_all(voxels.lattice_from_map, scratch.rays, scratch.lattice_rays)
+    trace(
+        voxels.field,
+        voxels.origin,
+        voxels.ignored,
+        scratch.lattice_rays,
+        start,
+        limits,
+        environment,
+    )
 
 
 @compiled
@@ -409,32 +439,19 @@ def _tally(
     for candidate in range(count):
         box, depths = scratch.candidates[candidate], scratch.depths[candidate]
         seen, nearest, bits = np.int32(0), _INFINITE_BITS, depths.view(np.int32)
+        left, top, right, bottom = _BEYOND, _BEYOND, _BEFORE, _BEFORE
         for pixel in range(PIXELS):
             depth = depths[pixel]
             is_seen = (depth < INFINITE) & (depth <= environment[pixel] + TIE_M)
-            seen += np.int32(is_seen)
+            seen = np.int32(seen + is_seen)
             nearest = min(nearest, bits[pixel] if is_seen else _INFINITE_BITS)
+            x, y = np.int32(pixel % TILE), np.int32(pixel // TILE)
+            left, top = min(left, x if is_seen else _BEYOND), min(top, y if is_seen else _BEYOND)
+            right = max(right, x if is_seen else _BEFORE)
+            bottom = max(bottom, y if is_seen else _BEFORE)
         if seen > 0:
             tallies.visible[box] += seen
             nearest_bits[box] = min(nearest_bits[box], nearest)
-            _widen(tallies.bounds[box], first_pixel, depths, environment)
-
-
-@compiled
-def _widen(
-    bounds: npt.NDArray[np.int64],
-    first_pixel: npt.NDArray[np.int64],
-    depths: npt.NDArray[np.float32],
-    environment_m: npt.NDArray[np.float32],
-) -> None:
-    """Widen a rectangle to hold the pixels of a tile that see a box, unless it holds the tile."""
-    left, top = first_pixel[0], first_pixel[1]
-    is_within = bounds[0] <= left and bounds[1] <= top
-    if is_within and bounds[2] >= left + TILE - 1 and bounds[3] >= top + TILE - 1:
-        return
-    for pixel in range(PIXELS):
-        depth = depths[pixel]
-        if depth < INFINITE and depth <= environment_m[pixel] + TIE_M:
-            x, y = left + pixel % TILE, top + pixel // TILE
-            bounds[0], bounds[1] = min(bounds[0], x), min(bounds[1], y)
-            bounds[2], bounds[3] = max(bounds[2], x), max(bounds[3], y)
+            bounds, x0, y0 = tallies.bounds[box], first_pixel[0], first_pixel[1]
+            bounds[0], bounds[1] = min(bounds[0], x0 + left), min(bounds[1], y0 + top)
+            bounds[2], bounds[3] = max(bounds[2], x0 + right), max(bounds[3], y0 + bottom)

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from are_ros.builder.occlusion.kernels import Boxes, Scratch, Tallies, Voxels, render
 from are_ros.builder.occlusion.meshes import MeshSelection
-from are_ros.builder.occlusion.rays import PIXELS, TiledRays, VoxelField
+from are_ros.builder.occlusion.rays import PIXELS, TiledRays, VoxelField, aligned
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.cameras import ViewModel
 from are_ros.world.rigid_transform import RigidTransform
@@ -95,14 +95,13 @@ def boxes_seen_from(
             cosine * apart[:, 0] + sine * apart[:, 1],
             cosine * apart[:, 1] - sine * apart[:, 0],
             apart[:, 2],
-        ),
-        axis=1,
+        )
     )
     far = np.linalg.norm(apart, axis=1) + np.linalg.norm(boxes.half_sizes_m, axis=1)
     return Boxes(
         cameras.astype(np.float32),
-        np.stack((cosine, sine), axis=1).astype(np.float32),
-        boxes.half_sizes_m.astype(np.float32),
+        np.stack((cosine, sine)).astype(np.float32),
+        np.ascontiguousarray(boxes.half_sizes_m.T, dtype=np.float32),
         far.astype(np.float32),
         meshes,
     )
@@ -124,21 +123,20 @@ def _empty_tallies(count: int) -> Tallies:
 
 def _scratch(count: int) -> Scratch:
     """Return room for one tile; one candidate more than boxes, as it is written before counted."""
+    rows = aligned(14 + count + 1, PIXELS)
     return Scratch(
-        rays=np.empty((3, PIXELS), dtype=np.float32),
-        depths=np.empty((count + 1, PIXELS), dtype=np.float32),
+        rays=rows[:3],
+        depths=rows[14:],
         candidates=np.empty(count + 1, dtype=np.int64),
         nearest_bits=np.empty(count + 1, dtype=np.int32),
         order=np.empty(count + 1, dtype=np.int64),
-        last_m=np.empty(PIXELS, dtype=np.float32),
-        front_m=np.empty(PIXELS, dtype=np.float32),
-        mesh_rays=np.empty((3, PIXELS), dtype=np.float32),
-        limits_m=np.empty(PIXELS, dtype=np.float32),
-        environment_m=np.empty(PIXELS, dtype=np.float32),
-        lattice_rays=np.empty((3, PIXELS), dtype=np.float32),
-        hits_m=np.empty(PIXELS, dtype=np.float32),
-        traced=np.empty(PIXELS + 1, dtype=np.int64),
-        inverses_z=np.empty(PIXELS, dtype=np.float32),
+        last_m=rows[3],
+        front_m=rows[4],
+        mesh_rays=rows[5:8],
+        limits_m=rows[8],
+        environment_m=rows[9],
+        lattice_rays=rows[10:13],
+        inverses_z=rows[13],
         farthest_m=np.empty(1, dtype=np.float32),
     )
 
