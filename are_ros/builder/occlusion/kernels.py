@@ -79,6 +79,9 @@ class Scratch(NamedTuple):
 
 
 _ZERO = np.float32(0.0)
+_BEFORE: Final = np.int32(-1)
+_BEYOND: Final = np.int32(TILE)
+"""What replaces the column and row of a pixel that does not see the box, before or beyond all."""
 _INFINITE_BITS: Final = np.int32(0x7F800000)
 """Depths are not negative: then their bits, as integers, have their order. Only integers does the
 compiler compare side by side, as the least of floats depends on where NaN is."""
@@ -115,7 +118,7 @@ def find_candidates(
         )
         candidates[box] = near < INFINITE
     count = 0
-    for box in range(far_m.shape[0]):  # apart: the test is so done for many boxes at a time
+    for box in range(far_m.shape[0]):  # a loop of its own, so that the tests are vectorised
         is_met, candidates[count] = candidates[box], box
         count += is_met
     return count
@@ -170,9 +173,9 @@ def measure_boxes(
     for candidate in range(count):
         box = scratch.candidates[candidate]
         cosine, sine = boxes.turns[0, box], boxes.turns[1, box]
-        ox, oy, oz = boxes.cameras_m[0, box], boxes.cameras_m[1, box], boxes.cameras_m[2, box]
-        half_x, half_y = boxes.halves_m[0, box], boxes.halves_m[1, box]
-        half_z = boxes.halves_m[2, box]
+        cameras_m, halves_m = boxes.cameras_m, boxes.halves_m
+        ox, oy, oz = cameras_m[0, box], cameras_m[1, box], cameras_m[2, box]
+        half_x, half_y, half_z = halves_m[0, box], halves_m[1, box], halves_m[2, box]
         depths, met = scratch.depths[kept], np.int32(0)
         for pixel in range(PIXELS):
             x, y = rays_x[pixel], rays_y[pixel]
@@ -261,8 +264,21 @@ def hide_behind_others(
 
 
 @inlined
+def _matters(
+    depths: npt.NDArray[np.float32],
+    last: npt.NDArray[np.float32],
+    front: npt.NDArray[np.float32],
+) -> bool:
+    matters = np.int32(0)
+    for pixel in range(PIXELS):
+        depth = depths[pixel]
+        matters = np.int32(matters + ((depth + TIE_M < last[pixel]) & (depth < front[pixel])))
+    return bool(matters > 0)
+
+
+@inlined
 def _drop_hidden(count: int, scratch: Scratch) -> int:
-    """Set Z_a to inf behind the front; keep those candidates of which something is left."""
+    """Set Z_a behind the front to inf, drop candidates without a pixel, return the rest's count."""
     depths, front, kept = scratch.depths, scratch.front_m, 0
     for candidate in range(count):
         depth, seen = depths[candidate], np.int32(0)
@@ -276,19 +292,6 @@ def _drop_hidden(count: int, scratch: Scratch) -> int:
                 depths[kept, pixel] = depth[pixel]
             kept += 1
     return kept
-
-
-@inlined
-def _matters(
-    depths: npt.NDArray[np.float32],
-    last: npt.NDArray[np.float32],
-    front: npt.NDArray[np.float32],
-) -> bool:
-    matters = np.int32(0)
-    for pixel in range(PIXELS):
-        depth = depths[pixel]
-        matters = np.int32(matters + ((depth + TIE_M < last[pixel]) & (depth < front[pixel])))
-    return bool(matters > 0)
 
 
 @compiled
@@ -330,7 +333,11 @@ def render(
     tallies: Tallies,
     scratch: Scratch,
 ) -> None:
-    """Count, for each box, the pixels where it is met at all and those where it is seen."""
+    """Count, for each box, the pixels where it is met at all and those where it is seen.
+
+    Sums and indices of these loops are kept int32: numba makes int64 of the sum of two int32, and
+    then half as many pixels fit into a vector.
+    """
     for tile in range(tiles.rays.shape[0]):
         axis = _turned(map_from_camera, tiles.axes[tile])
         count = find_candidates(axis, tiles.spreads[tile], boxes, scratch.candidates)
@@ -387,7 +394,7 @@ def _turn_all(
 def _trace_environment(
     voxels: Voxels, axis: npt.NDArray[np.float32], spread: np.float32, count: int, scratch: Scratch
 ) -> None:
-    """Fill the environment's depth; inf where a pixel needs no ray, or nothing hides a box."""
+    """Fill the environment's depth; inf where no box is so far away, or nothing hides one."""
     limits, environment, farthest_bits = scratch.limits_m, scratch.environment_m, np.int32(0)
     limits[:] = _ZERO
     for candidate in range(count):  # it matters just before the farthest box of a pixel
@@ -432,32 +439,19 @@ def _tally(
     for candidate in range(count):
         box, depths = scratch.candidates[candidate], scratch.depths[candidate]
         seen, nearest, bits = np.int32(0), _INFINITE_BITS, depths.view(np.int32)
+        left, top, right, bottom = _BEYOND, _BEYOND, _BEFORE, _BEFORE
         for pixel in range(PIXELS):
             depth = depths[pixel]
             is_seen = (depth < INFINITE) & (depth <= environment[pixel] + TIE_M)
             seen = np.int32(seen + is_seen)
             nearest = min(nearest, bits[pixel] if is_seen else _INFINITE_BITS)
+            x, y = np.int32(pixel % TILE), np.int32(pixel // TILE)
+            left, top = min(left, x if is_seen else _BEYOND), min(top, y if is_seen else _BEYOND)
+            right = max(right, x if is_seen else _BEFORE)
+            bottom = max(bottom, y if is_seen else _BEFORE)
         if seen > 0:
             tallies.visible[box] += seen
             nearest_bits[box] = min(nearest_bits[box], nearest)
-            _widen(tallies.bounds[box], first_pixel, depths, environment)
-
-
-@inlined
-def _widen(
-    bounds: npt.NDArray[np.int64],
-    first_pixel: npt.NDArray[np.int64],
-    depths: npt.NDArray[np.float32],
-    environment_m: npt.NDArray[np.float32],
-) -> None:
-    """Widen a rectangle to hold the pixels of a tile that see a box, unless it holds the tile."""
-    left, top = first_pixel[0], first_pixel[1]
-    is_within = bounds[0] <= left and bounds[1] <= top
-    if is_within and bounds[2] >= left + TILE - 1 and bounds[3] >= top + TILE - 1:
-        return
-    for pixel in range(PIXELS):
-        depth = depths[pixel]
-        if depth < INFINITE and depth <= environment_m[pixel] + TIE_M:
-            x, y = left + pixel % TILE, top + pixel // TILE
-            bounds[0], bounds[1] = min(bounds[0], x), min(bounds[1], y)
-            bounds[2], bounds[3] = max(bounds[2], x), max(bounds[3], y)
+            bounds, x0, y0 = tallies.bounds[box], first_pixel[0], first_pixel[1]
+            bounds[0], bounds[1] = min(bounds[0], x0 + left), min(bounds[1], y0 + top)
+            bounds[2], bounds[3] = max(bounds[2], x0 + right), max(bounds[3], y0 + bottom)

@@ -167,7 +167,7 @@ FLOATS: Final = 8 * LANES
 _TINY: Final = np.float32(1e-20)
 _ZERO: Final = np.float32(0.0)
 _ONE: Final = np.float32(1.0)
-_ONE_STEP: Final = np.int32(1)
+_STEP: Final = np.int32(1)
 _INFINITE: Final = np.float32(np.inf)
 
 
@@ -261,18 +261,20 @@ def _leap(
     """Advance every lane that still can by one leap; return whether any did.
 
     The axis along which a ray leaves its cube is set exactly; the others are floored and kept
-    within the cube and the field, so that each leap makes progress whatever the rounding.
+    within the cube, so that each leap makes progress whatever the rounding, and within the lattice:
+    just before an edge of it, rounding would take a ray out of the field's memory. All integers are
+    made int32 again at once, as numba widens their sums to int64, which halves the vectors.
     """
     for lane in range(LANES):
         integers[_FREE + lane] = flat[np.uint32(integers[_INDEX + lane])]
     own, none = np.int32(ignored), np.int32(0)
     rows, columns = np.int32(shape[1]), np.int32(shape[2])
-    last_x, last_y, last_z = np.int32(shape[1] - 1), np.int32(shape[2] - 1), np.int32(shape[0] - 1)
+    last_x, last_y, last_z = np.int32(rows - 1), np.int32(columns - 1), np.int32(shape[0] - 1)
     ox, oy, oz = origin[0], origin[1], origin[2]
     moving = np.int32(0)
     for lane in range(LANES):
         x, y, z = integers[_X + lane], integers[_Y + lane], integers[_Z + lane]
-        free = _ONE_STEP if integers[_INDEX + lane] == own else integers[_FREE + lane]
+        free = _STEP if integers[_INDEX + lane] == own else integers[_FREE + lane]
         integers[_FREE + lane] = free
         sx, sy, sz = integers[_SIGN_X + lane], integers[_SIGN_Y + lane], integers[_SIGN_Z + lane]
         next_x, next_y, next_z = (

@@ -8,7 +8,7 @@ import numpy.typing as npt
 import pytest
 from scipy.ndimage import distance_transform_cdt
 
-from are_ros.builder.occlusion.rays import FAR, VoxelField, chessboard_distance, free_cone
+from are_ros.builder.occlusion.rays import FAR, VoxelField, chessboard_distance, free_cone, trace
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_files.octomap import read_octomap_file
 from are_ros.world.voxel_map import VoxelMap
@@ -127,6 +127,25 @@ def test_rays_in_a_real_corridor_agree_with_a_walk(real_data: Path) -> None:
         rays = _unit_rays(int(place.sum()), 200)
         expected = np.array([_walked_hit(voxels, origin, ray, 20.0) for ray in rays])
         np.testing.assert_allclose(field.first_hits(origin, rays, 20.0), expected, atol=1e-3)
+
+
+def test_no_ray_looks_outside_the_lattice() -> None:
+    """Rays towards the upper edges of a lattice never meet what lies behind it in memory."""
+    shape = (9, 30, 40)  # z, x, y
+    room = np.zeros((2 * shape[0], *shape[1:]), dtype=np.uint8)  # occupied, where not overwritten
+    field, high = room[: shape[0]], np.array((*shape[1:], shape[0]), dtype=np.float64)
+    field[:], field[0, 3, 3] = 2, 0  # short leaps; one voxel low in a corner
+    generator = np.random.default_rng(5)
+    for _ in range(20):
+        origin = generator.uniform(2.0, high - 2.0)
+        aims = generator.uniform(0.5 * high, high, (20000, 3))
+        aims[:, 2] = high[2]
+        aims[:10000, 0], aims[10000:, 1] = high[0], high[1]
+        rays = np.ascontiguousarray((aims - origin).T, dtype=np.float32)
+        hits = np.empty(20000, dtype=np.float32)
+        limits = np.full(20000, 50.0, dtype=np.float32)
+        trace(field, origin.astype(np.float32), -1, rays, np.float32(0.0), limits, hits)
+        assert np.isinf(hits).all()
 
 
 def test_an_empty_map_hits_nothing() -> None:
