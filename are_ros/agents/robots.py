@@ -13,6 +13,8 @@ from are_ros.world.footprint import Footprint
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.transforms.tree import FrameTree
 
+_CLOCKS_FROM_ZERO_NS: Final = 366 * 86_400 * NS_PER_S
+"""Simulated clocks begin at 0, too; none runs for a year."""
 WITHOUT_STAMP: Final = "is stamped 0, so nobody knows when it was"
 _USUAL_BASES = ("base_footprint", "base_link")
 
@@ -121,9 +123,10 @@ def _equal(one: RigidTransform, other: RigidTransform) -> bool:
 
 
 def _too_old(target: str, source: str, stamp_ns: int, now_ns: int) -> str:
-    what = f"the latest transform from '{source}' to '{target}'"
-    age_s = (now_ns - stamp_ns) * 1e-9
-    return f"{what} is {age_s:.3f} s old" if stamp_ns else f"{what} {WITHOUT_STAMP}"
+    what, age_ns = f"the latest transform from '{source}' to '{target}'", now_ns - stamp_ns
+    if not stamp_ns and age_ns > _CLOCKS_FROM_ZERO_NS:
+        return f"{what} {WITHOUT_STAMP}"
+    return f"{what} is {age_ns * 1e-9:.3f} s old"
 
 
 _SPAN_NS = NS_PER_S // 4

@@ -55,6 +55,16 @@ def test_a_pose_is_as_old_as_max_age_at_the_most() -> None:
     assert robots.last is None
 
 
+def test_a_transform_without_a_stamp_is_told_as_such() -> None:
+    """Where the clock is that of a calendar; in simulated time it is only old."""
+    robots, frames = tracker()
+    frames.set_transform("map", "base_link", 0, (1.0, 2.0, 0.0), NO_TURN)
+    assert robots.pose(60) is None
+    assert robots.missing.endswith("s old")
+    assert robots.pose(1_700_000_000_000_000_000) is None
+    assert "'base_link' to 'map' is stamped 0, so nobody knows when it was" in robots.missing
+
+
 def test_the_footprint_lies_where_the_robot_stands() -> None:
     """Moved and turned with the base; the same value while the pose is the same."""
     robots, frames = tracker()
