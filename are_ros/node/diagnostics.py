@@ -308,17 +308,15 @@ def clock_doubt(snapshot: NodeSnapshot) -> str:
 
 
 def _frames(snapshot: NodeSnapshot) -> list[Status]:
-    """Return whether robot, camera and cloud have their place; at first none of them need."""
+    """Return whether robot, camera and cloud have their place, the first two after a while."""
     is_begun = snapshot.active_s >= GRACE_S
     no_robot, no_camera = (Level.ERROR, Level.WARN) if is_begun else (Level.OK, Level.OK)
-    known = "its pose in the map is known"
+    robot, camera, cloud = snapshot.robot_problem, snapshot.camera_problem, snapshot.cloud_problem
+    known, waits = "its pose in the map is known", "the cloud of voxels is not used yet"
     parts = (
-        ("frames/robot", snapshot.robot_problem, no_robot, "no pose of the robot", known),
-        ("frames/camera", snapshot.camera_problem, no_camera, "nothing is perceived", known),
-        (
-            *("cloud", snapshot.cloud_problem, Level.WARN),
-            *("the cloud of voxels is not used yet", "no cloud waits"),
-        ),
+        ("frames/robot", robot, no_robot, "no pose of the robot", known),
+        ("frames/camera", camera, no_camera, "nothing is perceived", known),
+        ("cloud", cloud, Level.WARN, waits, "no cloud waits"),
     )
     return [
         Status(level, name, f"{said}: {problem}") if problem else Status(Level.OK, name, fine)

@@ -93,12 +93,13 @@ def reward_of(behaviour: Any, situation: Situation) -> float:
     return float(reward)
 
 
-def bounds_of(behaviour: Any, situation: Situation) -> tuple[float, float]:
-    """Return bounds of `reward_of`, by its `reward_bounds`, if it has any.
+def reward_bounds_of(behaviour: Any, situation: Situation) -> tuple[float, float]:
+    """Return bounds of `reward_of`, by `reward_bounds` of a class of this package that has it.
 
-    A class that inherits the method may have other rewards.
+    A user-defined class is asked for its reward: where it inherits, its rewards may be others.
     """
-    if "reward_bounds" in vars(type(behaviour)):
+    kind: type = type(behaviour)
+    if hasattr(kind, "reward_bounds") and not _is_user_class(kind):
         bounds: tuple[float, float] = behaviour.reward_bounds(situation)
         return bounds
     reward = reward_of(behaviour, situation)

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.behaviours.calls import BehaviourCall, bounds_of, reward_of
+from are_ros.agents.behaviours.calls import BehaviourCall, reward_bounds_of, reward_of
 from are_ros.agents.behaviours.leaving import WalkingOut
 from are_ros.agents.behaviours.registry import make_behaviour
 from are_ros.agents.behaviours.situation import Behaviour, Situation
@@ -120,7 +120,7 @@ class Repertoire:
         """Return bounds of `rewards` (B,), which take less time."""
         bounds = [(0.0, 0.0)] * len(self.names)
         for index, one in self._rewarding:
-            bounds[index] = bounds_of(one, situation)
+            bounds[index] = reward_bounds_of(one, situation)
         return bounds
 
     def rewards(self, situation: Situation) -> list[float]:

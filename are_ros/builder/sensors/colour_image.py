@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from are_ros.builder.rendering.painter import PaintedBody
 from are_ros.builder.sensors.image import CompressedImage, Image, PictureHeader, picture_header
-from are_ros.builder.sensors.lens import Lens, known
+from are_ros.builder.sensors.lens import Lens, known_lens
 from are_ros.builder.sensors.sensor_path import Obstacles
 from are_ros.builder.sensors.studio import Studio
 from are_ros.errors import InputError
@@ -251,7 +251,7 @@ class ColourImage:
         are. Raises InputError if the lens is not known or of another size, or the image cannot be
         decompressed.
         """
-        lens, studio, scene = known(self.lens), obstacles.studio, obstacles.scene
+        lens, studio, scene = known_lens(self.lens), obstacles.studio, obstacles.scene
         if not isinstance(studio, Studio) or scene is None:
             return self
         which = lens.tiles_towards(map_from_sensor, _with_shadows(obstacles.boxes))

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.sensors.image import CompressedImage, Image
-from are_ros.builder.sensors.lens import Lens, known
+from are_ros.builder.sensors.lens import Lens, known_lens
 from are_ros.builder.sensors.sensor_path import Obstacles
 from are_ros.errors import InputError
 from are_ros.world.rigid_transform import RigidTransform
@@ -201,7 +201,7 @@ class DepthImage:
         pixels keep their bits; if no number changes, the same object is returned. Raises
         InputError if the lens is not known or of another size, or the image cannot be decompressed.
         """
-        lens = known(self.lens)
+        lens = known_lens(self.lens)
         lens.check_size(*self.pixels.shape)
         which = lens.tiles_towards(map_from_sensor, obstacles.boxes)
         if not len(which):

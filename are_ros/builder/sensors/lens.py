@@ -135,7 +135,7 @@ class Lens:
         )
 
 
-def known(lens: Lens | None) -> Lens:
+def known_lens(lens: Lens | None) -> Lens:
     """Return the lens of an image; InputError if there is none yet."""
     if lens is None:
         raise InputError("its CameraInfo is not known")

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from are_ros.agents.behaviours.calls import NO_CALL, bounds_of, reward_of
+from are_ros.agents.behaviours.calls import NO_CALL, reward_bounds_of, reward_of
 from are_ros.agents.behaviours.crossing import Crossing
 from are_ros.agents.behaviours.following import Following
 from are_ros.agents.behaviours.gathering import Gathering
@@ -95,21 +95,25 @@ def test_walking_out_is_worth_much_when_it_is_time() -> None:
 
 
 def test_bounds_of_rewards_hold_whatever_is_around() -> None:
-    """Of those that look around; the others are asked at once, as are classes that inherit."""
+    """Of those that look around; the others are asked at once, as are classes of a user."""
 
     class Shy(Gathering):
         def reward(self, situation: Situation) -> float:
             return super().reward(situation) - 1.0
+
+    class Own(Crossing):
+        def reward_bounds(self, situation: Situation) -> tuple[float, float]:
+            raise AssertionError(situation)
 
     by_itself, near = situation_of_one(), fellow_at((1.0, 0.0), velocity_mps=(0.5, 0.0))
     host = fellow_at((2.0, 0.0), behaviour="gathering", activity="waiting")
     seen = set()
     for around in ((), (near,), (host,), (near, host)):
         situation = by_itself._replace(view=OpenView(around))
-        for kind in (Following, Gathering, Crossing, Shy):
-            least, greatest = bounds_of(kind(), situation)
+        for kind in (Following, Gathering, Crossing, Shy, Own):
+            least, greatest = reward_bounds_of(kind(), situation)
             reward = reward_of(kind(), situation)
             assert least <= reward <= greatest
             assert (least < greatest) == (kind in {Following, Gathering})
             seen.add((kind, reward))
-    assert len(seen) == 7
+    assert len(seen) == 8
