@@ -13,7 +13,8 @@ _INTRODUCTION: Final = """\
 # Parameters
 
 The path of a parameter is the same in YAML, in ROS and in Python. A live one may change while ARE
-runs (`ros2 param set /ar_builder PATH VALUE`); the others take effect at the start. A value that is
+runs: by `ros2 param set /ar_builder PATH VALUE`, or by a slider of `are view --live`, which needs no
+whole ROS. The others take effect at the start: `--params FILE`, `--set PATH:=VALUE`. A value that is
 out of range is refused, with the reason, and nothing changes. `are describe` says what a set of
 values means: arrivals per minute, the expected population, how likely each class is.
 

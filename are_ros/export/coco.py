@@ -130,7 +130,10 @@ def export_coco(recording: Path, folder: Path, image: str, open_progress: OpenPr
         count = writer.finish()
     except OSError as cause:
         raise BagError(f"--coco {folder}: {why_refused(cause)}") from cause
-    found = f"coco: {folder} ({counted(len(writer.images), 'image')}, {counted(count, 'mask')})"
+    images_written, annotated = counted(len(writer.images), "image"), counted(count, "annotation")
+    found = f"coco: {folder} ({images_written}, {annotated})"
+    if writer.images and not count:
+        found += "; no artefact is in view in any image"
     if damaged:
         found += f"; {counted(len(damaged), 'image')} of {topic} left out, the first: {damaged[0]}"
     return found

@@ -240,6 +240,19 @@ def image_replay(
     return folder / "out"
 
 
+def test_images_in_which_nobody_is_are_told(
+    sample_bag: Path, run_are: RunAre, tmp_path: Path
+) -> None:
+    """They are written, without annotations."""
+    words = ("--set", "population.arrival_rate:=0", "--set", "sensors.masks:=true")
+    out = tmp_path / "out"
+    done = run_are("replay", sample_bag, *words, "--duration", 4, "--with-inputs", "--out", out)
+    assert done.returncode == 0, done.stderr
+    done = run_are("export", out, "--coco", tmp_path / "set")
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.endswith("(1 image, 0 annotations); no artefact is in view in any image\n")
+
+
 def grey_image(factory: RosbagsFactory, info: Any) -> Any:
     """Return an image of one grey, at the time of a CameraInfo."""
     return factory.make(
