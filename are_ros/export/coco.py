@@ -130,13 +130,16 @@ def export_coco(recording: Path, folder: Path, image: str, open_progress: OpenPr
         count = writer.finish()
     except OSError as cause:
         raise BagError(f"--coco {folder}: {why_refused(cause)}") from cause
-    images_written, annotated = counted(len(writer.images), "image"), counted(count, "annotation")
-    found = f"coco: {folder} ({images_written}, {annotated})"
-    if writer.images and not count:
-        found += "; no artefact is in view in any image"
+    found = f"coco: {folder} ({_summary(len(writer.images), count)}"
     if damaged:
         found += f"; {counted(len(damaged), 'image')} of {topic} left out, the first: {damaged[0]}"
     return found
+
+
+def _summary(images: int, annotations: int) -> str:
+    """Return how much was written; closes the bracket."""
+    found = f"{counted(images, 'image')}, {counted(annotations, 'annotation')})"
+    return found if annotations or not images else f"{found}; no artefact is in view in any image"
 
 
 def _chosen(reader: TruthReader, recording: Path, image: str) -> str:
