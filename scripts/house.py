@@ -220,6 +220,7 @@ class Watch:
         self._calls: Counter[str] | None = None
         self._alive = 0
         self._is_map_given = self._is_map_out = False
+        self._codes_of_kernels: set[CodeType] = set()
 
     @property
     def representations(self) -> set[str]:
@@ -249,6 +250,8 @@ class Watch:
         code: Any = frame.f_code
         if event not in {"call", "return"} or not code.co_filename.startswith(str(PACKAGE)):
             return
+        if code in self._codes_of_kernels:  # numba tells of these calls, too
+            return
         is_step = code.co_qualname == "ArBuilder.step"
         if is_step and event == "call":
             self._calls, self._is_map_out = Counter(), self._is_map_given
@@ -262,6 +265,15 @@ class Watch:
                 self._look(name, lambda: [argument])
         if is_step and event == "return" and argument is not None:
             self._tick_ended(frame.f_locals["self"], argument)
+
+    def tell_of_kernels(self) -> None:
+        """Let each kernel tell that it is called; all are compiled, so none sees another's."""
+        for name, places in kernels().items():
+            for module, attribute in places:
+                kernel = getattr(module, attribute)
+                code = kernel.py_func.__code__
+                self._codes_of_kernels.add(code)
+                setattr(module, attribute, _telling(kernel, f"{code.co_filename}:{name}", self))
 
     def entered(
         self,
@@ -398,7 +410,7 @@ def replayed() -> Watch:
     for watch.is_warm in (False, True):
         if watch.is_warm:
             watch.ticks.clear()
-            _tell_of_kernels(watch)
+            watch.tell_of_kernels()
         with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
             sys.argv = ["are", *REPLAY, "--out", f"{folder}/out"]
             sys.setprofile(watch.profile)
@@ -410,15 +422,6 @@ def replayed() -> Watch:
             finally:
                 sys.setprofile(None)
     return watch
-
-
-def _tell_of_kernels(watch: Watch) -> None:
-    """Let each kernel tell that it is called; all are compiled by now, so none sees another's."""
-    for name, places in kernels().items():
-        for module, attribute in places:
-            kernel = getattr(module, attribute)
-            file = sys.modules[kernel.py_func.__module__].__file__
-            setattr(module, attribute, _telling(kernel, f"{file}:{name}", watch))
 
 
 def _telling(kernel: Any, name: str, watch: Watch) -> Callable[..., Any]:
