@@ -15,7 +15,7 @@ from are_ros.agents.behaviours.situation import (
     Situation,
     stand,
 )
-from are_ros.agents.behaviours.walking import Pause, Walking, any_destination, least
+from are_ros.agents.behaviours.walking import Walking, any_destination, end_of_pause, least
 from are_ros.conventions import NS_PER_S
 
 _NEAR_M = 12.0
@@ -43,12 +43,12 @@ class Crossing:
 
     def __init__(self) -> None:
         self._walk = Walking(self._destination)
-        self._pause = Pause()
         self._goal_m: Point | None = None
         self._middle_m: Point = (0.0, 0.0)
         self._begun_ns = 0
         self._approach_ns = 0
         self._aside_ns = 0
+        self._paused_until_ns = 0
 
     def reward(self, situation: Situation) -> float:
         """Return what crossing is worth: something while the robot is near, most on the way."""
@@ -65,8 +65,8 @@ class Crossing:
             return self._walk.decide(situation)
         if situation.has_reached(self._goal_m):
             self._goal_m = None
-            self._pause.begin(situation.now_ns, situation.random)
-        if self._pause.holds(situation.now_ns):
+            self._paused_until_ns = end_of_pause(situation)
+        if situation.now_ns < self._paused_until_ns:
             return stand("pausing", robot.point_m)
         path = robot.path
         if self._goal_m is not None and self._is_over(path, situation):

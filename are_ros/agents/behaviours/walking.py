@@ -138,51 +138,32 @@ def _is_one_of(situation: Situation, points_m: deque[Point] | list[Point]) -> np
     return found
 
 
-# Pauses of some seconds.
+# Journeys: trip after trip, with pauses.
 
 
 SHORTEST_S, LONGEST_S = 1.0, 10.0
 _MEAN_ABOVE_SHORTEST_S = 2.0
-
-
-class Pause:
-    """A pause of 1 to 10 s, exponential beyond the first second."""
-
-    def __init__(self) -> None:
-        self._until_ns: int | None = None
-
-    def begin(self, now_ns: int, random: np.random.Generator) -> None:
-        """Begin a pause of random length."""
-        length_s = SHORTEST_S + float(random.exponential(_MEAN_ABOVE_SHORTEST_S))
-        self._until_ns = now_ns + seconds_to_ns(min(length_s, LONGEST_S))
-
-    def holds(self, now_ns: int) -> bool:
-        """Return whether the pause is not over."""
-        if self._until_ns is not None and now_ns >= self._until_ns:
-            self._until_ns = None
-        return self._until_ns is not None
-
-
 _ARRIVE_WITHIN_M = 0.5
 _PAUSING, _NOWHERE_TO_GO = stand("pausing"), stand("nowhere to go")
 _STOPPING = stand("standing")
 
 
-class Journey:
-    """The trip of an artefact, its pause, and its pace: a share of the speed of its row.
+def end_of_pause(situation: Situation) -> int:
+    """Draw the end [ns] of a pause that begins now: 1 to 10 s, exponential beyond the first."""
+    length_s = SHORTEST_S + float(situation.random.exponential(_MEAN_ABOVE_SHORTEST_S))
+    return situation.now_ns + seconds_to_ns(min(length_s, LONGEST_S))
 
-    `goal_m` is the present destination, None while there is none.
+
+class Journey(Trip):
+    """The trips of an artefact, one after the other, its pauses, and its pace.
+
+    It pauses until `paused_until_ns`. The pace is a share of the speed of its row.
     """
 
     def __init__(self, choose: Choose = any_destination) -> None:
-        self.trip = Trip(choose)
-        self.pause = Pause()
+        super().__init__(choose)
+        self.paused_until_ns = 0
         self._pace: float | None = None
-
-    @property
-    def goal_m(self) -> Point | None:
-        """The present destination, None while there is none."""
-        return self.trip.goal_m
 
     def pace(self, situation: Situation, slowest: float) -> float:
         """Return the pace, which is drawn once from [slowest, 1)."""
@@ -208,12 +189,12 @@ class Walking:
 
     def decide(self, situation: Situation) -> Intent:
         """Return the intent to walk, to pause, or to stand if there is no destination."""
-        random, trip, pause = situation.random, self.journey.trip, self.journey.pause
-        if trip.is_reached(situation) and random.random() < self.pause_share:
-            pause.begin(situation.now_ns, random)
-        if pause.holds(situation.now_ns):
+        random, journey = situation.random, self.journey
+        if journey.is_reached(situation) and random.random() < self.pause_share:
+            journey.paused_until_ns = end_of_pause(situation)
+        if situation.now_ns < journey.paused_until_ns:
             return _PAUSING
-        goal_m = trip.goal(situation)
+        goal_m = journey.goal(situation)
         if goal_m is None:
             return _NOWHERE_TO_GO
         if self._intent is None or self._intent.goal_m != goal_m:
@@ -223,11 +204,11 @@ class Walking:
 
     def change_destination(self) -> None:
         """Choose another destination at this decision."""
-        self.journey.trip.give_up()
+        self.journey.give_up()
 
     def forget_destination(self) -> None:
         """Choose a destination at this decision, perhaps the same."""
-        self.journey.trip.goal_m = None
+        self.journey.goal_m = None
 
     def speed_mps(self, situation: Situation) -> float:
         """Return the speed [m/s]."""
