@@ -11,7 +11,7 @@ from are_ros.agents.local_planner import gaps as _gaps
 from are_ros.agents.local_planner import state as _state
 from are_ros.agents.local_planner import walls as _walls
 from are_ros.agents.local_planner.body import Body
-from are_ros.agents.local_planner.gaps import fill, gather
+from are_ros.agents.local_planner.gaps import fill, find_neighbours
 from are_ros.agents.local_planner.rollouts import bounds_of
 from are_ros.agents.local_planner.state import NEVER
 from are_ros.agents.local_planner.walls import ClearanceLayers
@@ -163,23 +163,30 @@ def test_discs_cover_the_box() -> None:
 
 
 @given(_seeds, st.integers(1, 60))
-def test_buckets_find_all_that_may_meet_a_square(seed: int, count: int) -> None:
-    """Nobody whose circle meets the square is missed, nobody comes twice, the order is fixed."""
+def test_buckets_find_all_that_may_come_near(seed: int, count: int) -> None:
+    """Nobody whose circle meets the reach is missed, nobody comes twice, with the gap wanted."""
     random = np.random.default_rng(seed)
-    agents = _state.agent_arrays(count, 2)
-    workspace = _state.workspace_of(count, 2)
+    agents = _state.agent_arrays(count, 1)
+    workspace = _state.workspace_of(count, 1)
     squares = np.column_stack((random.uniform(-30, 30, (count, 2)), random.uniform(0.1, 6, count)))
     agents.place["x"], agents.place["y"], agents.place["reach"] = squares.T
+    agents.command["comfort"], agents.body[:] = 0.5, _records(PERSON)
+    agents.path[:, 0, 3] = 1.0
+    agents.path[:, 0, :2] = squares[:, :2] + random.uniform(-0.05, 0.05, (count, 2))
     buckets = fill(squares)
     for me in range(count):
-        found = gather(
-            buckets, tuple(squares[me]), me, agents, workspace.seen, me + 1, workspace.near
-        )
+        pose, reach = agents.path[me, 0].copy(), squares[me, 2]
+        found = find_neighbours(buckets, agents, me, pose, reach, 0, workspace)
         near = workspace.near[:found].tolist()
-        gaps = np.abs(squares[:, :2] - squares[me, :2]).max(axis=1) - squares[:, 2] - squares[me, 2]
+        gaps = np.hypot(*(squares[:, :2] - pose[:2]).T) - squares[:, 2] - reach
         expected = set(np.flatnonzero(gaps < 0.0).tolist()) - {me}
         assert len(near) == len(set(near))
         assert set(near) == expected
+        records = agents.body
+        for other, wanted in zip(near, workspace.wanted, strict=False):
+            gap = _gaps.separation(pose, records[me], agents.path[other, 0], records[other])
+            apart = np.hypot(*(agents.path[other, 0, :2] - pose[:2])) - 2.0 * PERSON.radius_m
+            assert wanted == (min(max(gap, 0.0), 0.5) if apart < 0.5 else 0.5)
 
 
 def test_a_leap_is_never_too_far() -> None:
