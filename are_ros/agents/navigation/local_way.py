@@ -27,7 +27,6 @@ MARGINS: Final = (0, 1, 3)
 _UNSEEN: Final = -1
 
 Point = tuple[float, float]
-Rectangle = tuple[int, int, int, int]
 
 
 @owning
