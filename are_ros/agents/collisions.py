@@ -132,7 +132,6 @@ _KEPT = 0
 _MOVED_BACK = 1
 
 
-@compiled
 def _neighbours(proposed: _FloatArray, safe: _FloatArray) -> tuple[_IndexArray, _IndexArray]:
     """Return for each box the others that it may overlap at either of its poses.
 
@@ -140,24 +139,13 @@ def _neighbours(proposed: _FloatArray, safe: _FloatArray) -> tuple[_IndexArray, 
     (N + 1,). `proposed` and `safe` (N, 8) are packed boxes.
     """
     rectangles, others = bounds(proposed), bounds(safe)
-    for i in range(rectangles.shape[0]):
-        for axis in range(2):
-            rectangles[i, axis] = min(rectangles[i, axis], others[i, axis])
-            rectangles[i, 2 + axis] = max(rectangles[i, 2 + axis], others[i, 2 + axis])
-    pairs = candidate_pairs(rectangles)
-    starts = np.zeros(rectangles.shape[0] + 1, np.int64)
-    for k in range(pairs.shape[0]):
-        starts[pairs[k, 0]] += 1
-        starts[pairs[k, 1]] += 1
-    starts = np.cumsum(starts)
-    indices = np.empty(2 * pairs.shape[0], np.int64)
-    for k in range(pairs.shape[0]):
-        a, b = pairs[k, 0], pairs[k, 1]
-        starts[a] -= 1
-        indices[starts[a]] = b
-        starts[b] -= 1
-        indices[starts[b]] = a
-    return starts, indices
+    rectangles[:, :2] = np.minimum(rectangles[:, :2], others[:, :2])
+    rectangles[:, 2:] = np.maximum(rectangles[:, 2:], others[:, 2:])
+    first, second = candidate_pairs(rectangles).T
+    boxes, neighbours = np.concatenate((first, second)), np.concatenate((second, first))
+    order = np.argsort(boxes, kind="stable")
+    starts = np.searchsorted(boxes[order], np.arange(len(rectangles) + 1))
+    return starts, neighbours[order]
 
 
 @compiled

@@ -44,7 +44,9 @@ class Neighbourhood:
 
         Of two at the same distance, the one with the lower index comes first.
         """
-        return _near(self.cells, x_m, y_m, radius_m)
+        count = len(self.cells[0])
+        found = np.empty(count, np.int64)
+        return found[: find_near(self.cells, x_m, y_m, radius_m, found, np.empty(count))]
 
     def nearest_to(self, places_m: _Floats) -> _Indices:
         """Return the index of the point nearest to each place (M, 2), int64 (M,).
@@ -55,20 +57,13 @@ class Neighbourhood:
 
 
 @compiled
-def _near(cells: CellArrays, x_m: float, y_m: float, radius_m: float) -> _Indices:
-    count = cells[0].shape[0]
-    found = np.empty(count, np.int64)
-    return found[: find_near(Cells(*cells), x_m, y_m, radius_m, found, np.empty(count))]
-
-
-@compiled
 def _nearest(cells: CellArrays, places_m: _Floats) -> _Indices:
     count = cells[0].shape[0]
     found, squares = np.empty(count, np.int64), np.empty(count)
     nearest = np.empty(places_m.shape[0], np.int64)
     for k in range(places_m.shape[0]):
         x_m, y_m, radius_m = places_m[k, 0], places_m[k, 1], cells[5]
-        while find_near(Cells(*cells), x_m, y_m, radius_m, found, squares) == 0:
+        while find_near(cells, x_m, y_m, radius_m, found, squares) == 0:
             radius_m *= 2.0
         nearest[k] = found[0]
     return nearest
@@ -97,12 +92,14 @@ def _sorted_into_cells(points_m: _Floats, cell_m: float) -> CellArrays:
 
 @borrowing
 def find_near(
-    cells: Cells, x_m: float, y_m: float, radius_m: float, found: _Indices, squares: _Floats
+    arrays: CellArrays, x_m: float, y_m: float, radius_m: float, found: _Indices, squares: _Floats
 ) -> int:
     """Write what `Neighbourhood.within` returns into `found`; return how many there are.
 
-    Their squared distances are written into `squares`. Both have room for all points.
+    Their squared distances are written into `squares`. Both have room for all points. `arrays` are
+    the fields of `Cells`.
     """
+    cells = Cells(*arrays)
     rows, columns = cells.rows, cells.columns
     low_column = np.int64(np.floor((x_m - radius_m - cells.x0_m) / cells.cell_m))
     low_row = np.int64(np.floor((y_m - radius_m - cells.y0_m) / cells.cell_m))

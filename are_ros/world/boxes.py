@@ -17,23 +17,11 @@ _IndexArray = NDArray[np.int64]
 
 
 @compiled
-def pack(centres_m: _FloatArray, yaws_rad: _FloatArray, half_sizes_m: _FloatArray) -> _FloatArray:
-    """Return the packed rows (N, 8) of boxes."""
-    packed = np.empty((centres_m.shape[0], 8))
-    for i in range(packed.shape[0]):
-        packed[i, 3] = np.cos(yaws_rad[i])
-        packed[i, 4] = np.sin(yaws_rad[i])
-        for axis in range(3):
-            packed[i, axis], packed[i, 5 + axis] = centres_m[i, axis], half_sizes_m[i, axis]
-    return packed
+def pack(poses: _FloatArray, shapes: _FloatArray) -> _FloatArray:
+    """Return the packed boxes (N, 8) of bodies at poses (N, 4): x, y, z of the box's centre, yaw.
 
-
-@compiled
-def standing(poses: _FloatArray, shapes: _FloatArray) -> _FloatArray:
-    """Return the packed boxes (N, 8) of bodies that stand on the ground.
-
-    Poses (N, 4) are x, y, z, yaw. Shapes (N, 5), or one row for all: half x, half y, half z, and
-    the box's centre x, y in the frame of the body.
+    Shapes (N, 5), or one row for all: half x, half y, half z, and the box's centre x, y in the
+    frame of the body.
     """
     packed = np.empty((poses.shape[0], 8))
     step = 0 if shapes.shape[0] == 1 else 1
@@ -42,7 +30,7 @@ def standing(poses: _FloatArray, shapes: _FloatArray) -> _FloatArray:
         cos, sin = np.cos(pose[3]), np.sin(pose[3])
         packed[i, 0] = pose[0] + cos * shape[3] - sin * shape[4]
         packed[i, 1] = pose[1] + sin * shape[3] + cos * shape[4]
-        packed[i, 2] = pose[2] + shape[2]
+        packed[i, 2] = pose[2]
         packed[i, 3], packed[i, 4] = cos, sin
         packed[i, 5], packed[i, 6], packed[i, 7] = shape[0], shape[1], shape[2]
     return packed
@@ -95,16 +83,13 @@ def overlaps_any_of(p: _FloatArray, q: _FloatArray, tolerance_m: float) -> NDArr
     return out
 
 
-@compiled
 def bounds(p: _FloatArray) -> _FloatArray:
     """Return the axis-aligned bounds (N, 4) of the footprints: low x, low y, high x, high y."""
-    out = np.empty((p.shape[0], 4))
-    for i in range(p.shape[0]):
-        c, s = abs(p[i, 3]), abs(p[i, 4])
-        x_m = c * p[i, 5] + s * p[i, 6]
-        y_m = s * p[i, 5] + c * p[i, 6]
-        out[i, 0], out[i, 1] = p[i, 0] - x_m, p[i, 1] - y_m
-        out[i, 2], out[i, 3] = p[i, 0] + x_m, p[i, 1] + y_m
+    c, s = np.abs(p[:, 3]), np.abs(p[:, 4])
+    x_m, y_m = c * p[:, 5] + s * p[:, 6], s * p[:, 5] + c * p[:, 6]
+    out = np.empty((len(p), 4))
+    out[:, 0], out[:, 1] = p[:, 0] - x_m, p[:, 1] - y_m
+    out[:, 2], out[:, 3] = p[:, 0] + x_m, p[:, 1] + y_m
     return out
 
 
@@ -214,7 +199,9 @@ class OrientedBoxes:
         Shapes (N, 5), or one row for all, are half x, half y, half z, and the box's centre x, y in
         the frame of the body.
         """
-        return cls.of_packed(standing(poses, shapes), poses[:, 3])
+        centred = poses.copy()
+        centred[:, 2] += shapes[:, 2]
+        return cls.of_packed(pack(centred, shapes), poses[:, 3])
 
     def __len__(self) -> int:
         return len(self.yaws_rad)
@@ -240,7 +227,9 @@ class OrientedBoxes:
     @cached_property
     def packed(self) -> NDArray[np.float64]:
         """Rows (N, 8) for kernels: x, y, z, cos yaw, sin yaw, half x, half y, half z; read-only."""
-        packed = pack(self.centres_m, self.yaws_rad, self.half_sizes_m)
+        poses, shapes = np.empty((len(self), 4)), np.zeros((len(self), 5))
+        poses[:, :3], poses[:, 3], shapes[:, :3] = self.centres_m, self.yaws_rad, self.half_sizes_m
+        packed = pack(poses, shapes)
         packed.flags.writeable = False
         return packed
 

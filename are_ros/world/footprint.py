@@ -15,52 +15,46 @@ _FloatArray = NDArray[np.float64]
 
 
 @compiled
-def _signed_distance(polygon: _FloatArray, hx: float, hy: float) -> float:
-    """Return the distance of a polygon (K, 2) from the box |x| <= hx, |y| <= hy.
+def signed_distances(vertices: _FloatArray, radius_m: float, packed: _FloatArray) -> _FloatArray:
+    """Return the signed distances (N,) of a rounded polygon (K, 2) from boxes (N, 8).
 
     If they overlap: minus the penetration depth, the largest gap over all edge normals. These are
     those of the Minkowski difference, so the least translation is among them. Else one end of the
     shortest line between the two is a vertex of either.
     """
-    count = polygon.shape[0]
+    out, polygon = np.empty(packed.shape[0]), np.empty(vertices.shape)
+    count = vertices.shape[0]
     edges = count if count > 1 else 0
-    low_x, high_x, low_y, high_y, least = np.inf, -np.inf, np.inf, -np.inf, np.inf
-    for k in range(count):
-        low_x, high_x = min(low_x, polygon[k, 0]), max(high_x, polygon[k, 0])
-        low_y, high_y = min(low_y, polygon[k, 1]), max(high_y, polygon[k, 1])
-        x, y = max(abs(polygon[k, 0]) - hx, 0.0), max(abs(polygon[k, 1]) - hy, 0.0)
-        least = min(least, x * x + y * y)
-    separation = max(low_x - hx, -high_x - hx, low_y - hy, -high_y - hy)
-    for k in range(edges):
-        ax, ay = polygon[k, 0], polygon[k, 1]
-        ex, ey = polygon[(k + 1) % count, 0] - ax, polygon[(k + 1) % count, 1] - ay
-        offset = ey * ax - ex * ay
-        gap = -(hx * abs(ey) + hy * abs(ex) + offset) / np.hypot(ex, ey)
-        separation = max(separation, gap)
-    if separation <= 0.0:
-        return float(separation)
-    for k in range(edges):
-        ax, ay = polygon[k, 0], polygon[k, 1]
-        ex, ey = polygon[(k + 1) % count, 0] - ax, polygon[(k + 1) % count, 1] - ay
-        for corner in range(4):
-            x, y = (hx if corner & 2 else -hx), (hy if corner & 1 else -hy)
-            along = ((x - ax) * ex + (y - ay) * ey) / (ex * ex + ey * ey)
-            along = min(max(along, 0.0), 1.0)
-            least = min(least, (ax + along * ex - x) ** 2 + (ay + along * ey - y) ** 2)
-    return float(np.sqrt(least))
-
-
-@compiled
-def signed_distances(vertices: _FloatArray, radius_m: float, packed: _FloatArray) -> _FloatArray:
-    """Return the signed distances (N,) of a rounded polygon (K, 2) from boxes (N, 8)."""
-    out = np.empty(packed.shape[0])
-    local = np.empty(vertices.shape)
     for i in range(packed.shape[0]):
-        for k in range(vertices.shape[0]):  # into the frame of the box
+        hx, hy = packed[i, 5], packed[i, 6]
+        low_x, high_x, low_y, high_y, least = np.inf, -np.inf, np.inf, -np.inf, np.inf
+        for k in range(count):  # into the frame of the box
             dx, dy = vertices[k, 0] - packed[i, 0], vertices[k, 1] - packed[i, 1]
-            local[k, 0] = dx * packed[i, 3] + dy * packed[i, 4]
-            local[k, 1] = dy * packed[i, 3] - dx * packed[i, 4]
-        out[i] = _signed_distance(local, packed[i, 5], packed[i, 6]) - radius_m
+            polygon[k, 0] = dx * packed[i, 3] + dy * packed[i, 4]
+            polygon[k, 1] = dy * packed[i, 3] - dx * packed[i, 4]
+            low_x, high_x = min(low_x, polygon[k, 0]), max(high_x, polygon[k, 0])
+            low_y, high_y = min(low_y, polygon[k, 1]), max(high_y, polygon[k, 1])
+            x, y = max(abs(polygon[k, 0]) - hx, 0.0), max(abs(polygon[k, 1]) - hy, 0.0)
+            least = min(least, x * x + y * y)
+        separation = max(low_x - hx, -high_x - hx, low_y - hy, -high_y - hy)
+        for k in range(edges):
+            ax, ay = polygon[k, 0], polygon[k, 1]
+            ex, ey = polygon[(k + 1) % count, 0] - ax, polygon[(k + 1) % count, 1] - ay
+            offset = ey * ax - ex * ay
+            gap = -(hx * abs(ey) + hy * abs(ex) + offset) / np.hypot(ex, ey)
+            separation = max(separation, gap)
+        if separation <= 0.0:
+            out[i] = separation - radius_m
+            continue
+        for k in range(edges):
+            ax, ay = polygon[k, 0], polygon[k, 1]
+            ex, ey = polygon[(k + 1) % count, 0] - ax, polygon[(k + 1) % count, 1] - ay
+            for corner in range(4):
+                x, y = (hx if corner & 2 else -hx), (hy if corner & 1 else -hy)
+                along = ((x - ax) * ex + (y - ay) * ey) / (ex * ex + ey * ey)
+                along = min(max(along, 0.0), 1.0)
+                least = min(least, (ax + along * ex - x) ** 2 + (ay + along * ey - y) ** 2)
+        out[i] = np.sqrt(least) - radius_m
     return out
 
 

@@ -212,40 +212,23 @@ def hits_voxels(
     for i in range(packed.shape[0]):
         bottom = max(packed[i, 2] - packed[i, 7], floors_m[i]) + tolerance_m
         top = packed[i, 2] + packed[i, 7] - tolerance_m
-        first = max(np.int64(np.floor((bottom - low_m) / height_m)), 0)
-        end = min(np.int64(np.ceil((top - low_m) / height_m)), occupied.shape[2])
-        if first < end:
-            out[i] = _hits_layers(
-                packed, i, lattice, (first, end), occupied, lowest, field, tolerance_m
-            )
-    return out
-
-
-@compiled
-def _hits_layers(
-    packed: _FloatArray,
-    i: int,
-    lattice: _FloatArray,
-    layers: tuple[int, int],
-    occupied: NDArray[np.uint8],
-    lowest: NDArray[np.int32],
-    field: _Field,
-    tolerance_m: float,
-) -> bool:
-    """Tell whether a voxel of the layers [first, end) is in footprint `i`."""
-    first_layer, end_layer = layers
-    x, y, top_x, top_y, right_x, right_y = outline(packed, i, lattice, tolerance_m)
-    if _is_far(field, 1.0, x, y, (top_x, top_y), (right_x, right_y)):
-        return False
-    first, last = np.int64(np.floor(y - top_y)), np.int64(np.ceil(y + top_y)) - 1
-    for row in range(max(first, 0), min(last + 1, field.shape[0])):
-        start, end = column_range(row, x, y, top_x, top_y, right_x, right_y)
-        end = min(end, field.shape[1] - 1)
-        column = _next_zero(field, 1.0, row, max(start, 0), end)
-        while column <= end:
-            if lowest[row, column] < end_layer:
+        first_layer = max(np.int64(np.floor((bottom - low_m) / height_m)), 0)
+        end_layer = min(np.int64(np.ceil((top - low_m) / height_m)), occupied.shape[2])
+        x, y, top_x, top_y, right_x, right_y = outline(packed, i, lattice, tolerance_m)
+        is_far = _is_far(field, 1.0, x, y, (top_x, top_y), (right_x, right_y))
+        if is_far or first_layer >= end_layer:
+            continue
+        row, last = np.int64(np.floor(y - top_y)), np.int64(np.ceil(y + top_y)) - 1
+        row, last = max(row, 0), min(last, field.shape[0] - 1)
+        while row <= last and not out[i]:
+            start, end = column_range(row, x, y, top_x, top_y, right_x, right_y)
+            end = min(end, field.shape[1] - 1)
+            column = _next_zero(field, 1.0, row, max(start, 0), end)
+            while column <= end and not out[i]:
                 for layer in range(max(first_layer, lowest[row, column]), end_layer):
                     if occupied[column, row, layer]:
-                        return True
-            column = _next_zero(field, 1.0, row, column + 1, end)
-    return False
+                        out[i] = True
+                        break
+                column = _next_zero(field, 1.0, row, column + 1, end)
+            row += 1
+    return out

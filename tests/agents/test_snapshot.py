@@ -18,7 +18,6 @@ from are_ros.agents.navigation.step_kernels import (
     Robot,
     find_others,
 )
-from are_ros.agents.neighbours import Cells
 from are_ros.agents.snapshot import AgentSnapshot
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.population.catalogue import CatalogueRow
@@ -140,7 +139,7 @@ def minded(
     view: AgentSnapshot, index: int, robot: Robot = NO_ROBOT, *, is_patient: bool = True
 ) -> npt.NDArray[np.float64]:
     """Return who is minded about one, by epoch as rows of x, y, radius, fade and weight."""
-    everybody = Crowd(Cells(*view.crowd[:8]), *view.crowd[8:])
+    everybody = Crowd(view.crowd[:8], *view.crowd[8:])
     going = GoalSpec(0.2, (0.0, 0.0), (0.0, 0.0), 0.4, 0.7)
     return find_others(everybody, robot, index, is_patient, going)
 

@@ -16,14 +16,13 @@ import numpy.typing as npt
 
 from are_ros._compiled import borrowing, compiled
 from are_ros.agents.local_planner.primitives import way_left
-from are_ros.agents.local_planner.robot import robot_disc
 from are_ros.agents.local_planner.rollouts import (
     COASTING,
     FACING,
     STANDING,
     PlanningGoal,
+    distance,
     kind_of,
-    way_to,
 )
 from are_ros.agents.local_planner.state import (
     NEVER,
@@ -71,13 +70,6 @@ def hashed(a: int, b: int) -> float:
 
 
 @borrowing
-def _priority(agents: AgentArrays, i: int, now: int, epoch: int) -> float:
-    own = hashed(agents.place[i].id, epoch)
-    memory = agents.memory[i]
-    return max(own, memory.push_rank) if now < memory.pushed_until else own
-
-
-@borrowing
 def can_yield(agents: AgentArrays, i: int, j: int, now: int) -> bool:
     """Tell whether agent i may push agent j, should it have the higher priority.
 
@@ -118,10 +110,13 @@ def push(
         return
     if not can_yield(agents, i, j, now):
         return
-    rank, is_going = _priority(agents, i, now, epoch), agents.command[j].has_goal == 1
-    if not is_pushing and is_going and rank <= _priority(agents, j, now, epoch):
+    was_pushed, is_going = now < other.pushed_until, agents.command[j].has_goal == 1
+    rank, its_rank = hashed(agents.place[i].id, epoch), hashed(agents.place[j].id, epoch)
+    rank = max(rank, mine.push_rank) if is_pushed else rank
+    its_rank = max(its_rank, other.push_rank) if was_pushed else its_rank
+    if not is_pushing and is_going and rank <= its_rank:
         return
-    if now >= other.pushed_until:  # it gets out of the way at once
+    if not was_pushed:  # it gets out of the way at once
         agents.due[j] = now
     other.pushed_until = now + _PUSH_SECONDS * second
     other.push_by, other.push_rank = agents.place[i].id, rank
@@ -132,7 +127,7 @@ def push(
 
 @borrowing
 def make_way(
-    agents: AgentArrays, i: int, pose: Floats, now: int, robot: RobotPath, timing: PlannerTiming
+    agents: AgentArrays, i: int, pose: Floats, now: int, robot: RobotPath, second: int
 ) -> None:
     """Let the robot push agent i, if that stands where the robot drives in the next two seconds.
 
@@ -141,7 +136,7 @@ def make_way(
     body, memory = agents.body[i], agents.memory[i]
     if pose[SPEED] != 0.0 or body.speed <= 0.0 or agents.command[i].planner == PATH_FOLLOWING:
         return
-    x, y, vx, vy, radius = robot_disc(robot, timing)
+    x, y, vx, vy, radius = robot.disc
     speed = np.sqrt(vx * vx + vy * vy)
     if speed < _SLOWEST:
         return
@@ -153,7 +148,7 @@ def make_way(
         return
     if now >= memory.pushed_until:
         agents.due[i] = now
-    memory.pushed_until = now + _PUSH_SECONDS * timing.second
+    memory.pushed_until = now + _PUSH_SECONDS * second
     memory.push_by, memory.push_rank = NOBODY, 1.0
     memory.push_x, memory.push_y, memory.push_cos, memory.push_sin = x, y, cos, sin
     memory.push_room = room + _ROOM
@@ -188,7 +183,7 @@ def note_progress(
         gain = way_left(before[X], before[Y], before[YAW], command.x, command.y, body.turn_radius)
         gain -= way_left(after[X], after[Y], after[YAW], command.x, command.y, body.turn_radius)
     else:
-        gain = way_to(before, command) - way_to(after, command)
+        gain = distance(before, command.x, command.y) - distance(after, command.x, command.y)
     drain = _SLOWEST * timing.step_s if memory.credit > 0.0 else 0.0
     credit = max(memory.credit + gain - drain, -_MOST_DEBT)
     memory.credit = min(credit, _MOST_CREDIT)

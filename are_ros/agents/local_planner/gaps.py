@@ -9,14 +9,16 @@ from typing import Any
 import numpy as np
 
 from are_ros._compiled import borrowing, owning
+from are_ros.agents.local_planner.rollouts import distance
 from are_ros.agents.local_planner.state import (
     COS,
     NEVER,
     SIN,
+    STAMP,
     AgentArrays,
     Floats,
-    Integers,
     SpatialHash,
+    Workspace,
     X,
     Y,
 )
@@ -31,13 +33,6 @@ _WINDOW = 4
 def leap(room: float, pace: float) -> int:
     """Return after how many sub-steps, at least one, `room` may be used up at `pace` per step."""
     return 1 + int(min(room / max(pace, 1e-9), _FARTHEST_LEAP))
-
-
-@borrowing
-def distance(p: Floats, q: Floats) -> float:
-    """Return how far the ground points of two poses are apart."""
-    dx, dy = q[X] - p[X], q[Y] - p[Y]
-    return float(np.sqrt(dx * dx + dy * dy))  # hypot is much slower
 
 
 @borrowing
@@ -60,21 +55,24 @@ def separation(p: Floats, a: Any, q: Floats, b: Any) -> float:
 
 
 @borrowing
-def _room_to_turn(p: Floats, a: Any, q: Floats, b: Any) -> float:
-    """Return how far the disc that body a sweeps, turning at pose p, is from box b at pose q."""
-    dx = p[X] - q[X] - q[COS] * b.centre_x + q[SIN] * b.centre_y
-    dy = p[Y] - q[Y] - q[SIN] * b.centre_x - q[COS] * b.centre_y
-    ahead = max(abs(dx * q[COS] + dy * q[SIN]) - b.half_x, 0.0)
-    aside = max(abs(dy * q[COS] - dx * q[SIN]) - b.half_y, 0.0)
-    return float(np.hypot(ahead, aside) - a.radius)
-
-
-@borrowing
 def _jams(p: Floats, a: Any, q: Floats, b: Any) -> bool:
-    """Tell whether one of two standing bodies that turn on the spot cannot turn any more."""
-    if a.turn_radius == 0.0 and _room_to_turn(p, a, q, b) < 0.0:
-        return True
-    return bool(b.turn_radius == 0.0 and b.speed > 0.0 and _room_to_turn(q, b, p, a) < 0.0)
+    """Tell whether one of two standing bodies that turn on the spot cannot turn any more.
+
+    It cannot if the disc that it sweeps overlaps the box of the other. If b never moves, only a
+    has to turn.
+    """
+    for is_second in (False, True):
+        if is_second:
+            p, a, q, b = q, b, p, a
+        if a.turn_radius > 0.0 or (is_second and a.speed <= 0.0):
+            continue
+        dx = p[X] - q[X] - q[COS] * b.centre_x + q[SIN] * b.centre_y
+        dy = p[Y] - q[Y] - q[SIN] * b.centre_x - q[COS] * b.centre_y
+        ahead = max(abs(dx * q[COS] + dy * q[SIN]) - b.half_x, 0.0)
+        aside = max(abs(dy * q[COS] - dx * q[SIN]) - b.half_y, 0.0)
+        if np.hypot(ahead, aside) < a.radius:
+            return True
+    return False
 
 
 @borrowing
@@ -103,11 +101,12 @@ def gap_between(
     jammed = False
     if final <= until:
         p, q = plan[last], path[end]
-        near = distance(p, q) < radii
+        near = distance(p, q[X], q[Y]) < radii
         jammed = near and _jams(p, body, q, other) and not _jams(home, body, q, other)
     until = min(until, final - 1 if jammed else final)
     least, k = comfort, 1
-    far = distance(plan[min(1, last)], path[min(start + 1, end)]) - radii
+    q = path[min(start + 1, end)]
+    far = distance(plan[min(1, last)], q[X], q[Y]) - radii
     if far > least:
         k += leap(far - least, pace)
     while k <= until:
@@ -118,7 +117,7 @@ def gap_between(
         if dx * dx + dy * dy < room * room:
             for n in range(k, min(k + _WINDOW, until + 1)):
                 p, q = plan[min(n, last)], path[min(start + n, end)]
-                gap = distance(p, q) - radii
+                gap = distance(p, q[X], q[Y]) - radii
                 if gap >= least:
                     continue
                 gap = max(gap, separation(p, body, q, other))
@@ -135,26 +134,16 @@ def gap_between(
 _CELL = 3.0
 
 
-@borrowing
-def _span(x: float, y: float, half: float) -> tuple[int, int, int, int]:
-    """Return the first and last column and row of cells of a square."""
-    return (
-        int(np.floor((x - half) / _CELL)),
-        int(np.floor((x + half) / _CELL)),
-        int(np.floor((y - half) / _CELL)),
-        int(np.floor((y + half) / _CELL)),
-    )
-
-
 @owning
 def fill(squares: Floats) -> SpatialHash:
     """Return the hash of the squares (N, 3) of all rows; a bucket keeps their order."""
     total = 0
-    spans = np.empty((squares.shape[0], 4), np.int64)
+    spans = np.empty((squares.shape[0], 4), np.int64)  # first and last column and row of cells
     for n in range(squares.shape[0]):
-        left, right, low, high = _span(squares[n, 0], squares[n, 1], squares[n, 2])
-        spans[n, 0], spans[n, 1], spans[n, 2], spans[n, 3] = left, right, low, high
-        total += (right - left + 1) * (high - low + 1)
+        x, y, half = squares[n, 0], squares[n, 1], squares[n, 2]
+        spans[n, 0], spans[n, 1] = np.floor((x - half) / _CELL), np.floor((x + half) / _CELL)
+        spans[n, 2], spans[n, 3] = np.floor((y - half) / _CELL), np.floor((y + half) / _CELL)
+        total += (spans[n, 1] - spans[n, 0] + 1) * (spans[n, 3] - spans[n, 2] + 1)
     bits = 3
     while 2 << (2 * bits) < total:
         bits += 1
@@ -180,34 +169,44 @@ def fill(squares: Floats) -> SpatialHash:
 
 
 @borrowing
-def gather(
+def find_neighbours(
     buckets: SpatialHash,
-    square: tuple[float, float, float],
-    me: int,
     agents: AgentArrays,
-    seen: Integers,
-    stamp: int,
-    near: Integers,
+    i: int,
+    pose: Floats,
+    reach: float,
+    now: int,
+    workspace: Workspace,
 ) -> int:
-    """Write to `near` the rows, without `me`, whose circle may meet a square (x, y, half side).
+    """Write to `workspace.near` the other rows that may come within `reach` of a pose of agent i.
 
-    Returns how many. `stamp` is larger than in all calls before with the same `seen`.
+    And to `workspace.wanted` the gap wanted from each of them: the agent's comfort distance, or the
+    gap that there is if that is less. Returns how many they are.
     """
-    count = 0
+    workspace.counters[STAMP] += 1
+    stamp, seen, count = workspace.counters[STAMP], workspace.seen, 0
+    body, comfort = agents.body[i], agents.command[i].comfort
+    left, right = np.floor((pose[X] - reach) / _CELL), np.floor((pose[X] + reach) / _CELL)
+    low, high = np.floor((pose[Y] - reach) / _CELL), np.floor((pose[Y] + reach) / _CELL)
     mask = (1 << buckets.bits) - 1
-    left, right, low, high = _span(square[0], square[1], square[2])
-    seen[me] = stamp
-    for row in range(low, high + 1):
-        for col in range(left, right + 1):
+    seen[i] = stamp
+    for row in range(int(low), int(high) + 1):
+        for col in range(int(left), int(right) + 1):
             bucket = (row & mask) << buckets.bits | (col & mask)
             for entry in range(buckets.starts[bucket], buckets.starts[bucket + 1]):
-                other = buckets.rows[entry]
-                if seen[other] == stamp:
+                j = buckets.rows[entry]
+                if seen[j] == stamp:
                     continue
-                seen[other] = stamp
-                place = agents.place[other]
-                reach = place.reach + square[2]
-                if abs(place.x - square[0]) < reach and abs(place.y - square[1]) < reach:
-                    near[count] = other
-                    count += 1
+                seen[j] = stamp
+                place = agents.place[j]
+                dx, dy, far = place.x - pose[X], place.y - pose[Y], place.reach + reach
+                if dx * dx + dy * dy >= far * far:
+                    continue
+                other = agents.path[j, min(now - place.begin, place.last)]
+                workspace.near[count], workspace.wanted[count] = j, comfort
+                radii = body.radius + agents.body[j].radius
+                if distance(pose, other[X], other[Y]) < comfort + radii:
+                    gap = max(separation(pose, body, other, agents.body[j]), 0.0)
+                    workspace.wanted[count] = min(gap, comfort)
+                count += 1
     return count

@@ -13,8 +13,8 @@ from are_ros.agents.local_planner import state as _state
 from are_ros.agents.local_planner.body import PLANNERS, MotionCommand
 from are_ros.agents.local_planner.deadlock import make_way, note_progress
 from are_ros.agents.local_planner.gaps import fill, gap_between, separation
-from are_ros.agents.local_planner.planning import commit, copy_pose, plan, reach_of
-from are_ros.agents.local_planner.robot import RobotMotion, robot_conflict, robot_path
+from are_ros.agents.local_planner.planning import commit, plan, reach_of
+from are_ros.agents.local_planner.robot import RobotMotion, robot_cost, robot_path
 from are_ros.agents.local_planner.state import (
     COS,
     NEVER,
@@ -198,48 +198,16 @@ def _is_due(
         return False
     moves = now - place.begin < place.last
     if has_robot and not moves:
-        make_way(agents, i, agents.path[i, place.last], now, robot, timing)
+        make_way(agents, i, agents.path[i, place.last], now, robot, timing.second)
     if now < agents.due[i]:
         # only where what is left of its path leads into the robot, where it is or will be
         reach = place.reach + robot.reach
         is_far = abs(place.x - robot.x) > reach or abs(place.y - robot.y) > reach
         if is_far or not moves:
             return False
-        start, pace = now - place.begin, place.pace + robot.pace
-        _, predicted, present = robot_conflict(
-            agents.path[i], start, place.last, agents.body[i], robot, 0.0, pace, box
-        )
-        return bool(predicted != NEVER or present != NEVER)
+        start, body = now - place.begin, agents.body[i]
+        return robot_cost(agents.path[i], start, place.last, body, 0.0, robot, place.pace, box)[1]
     return bool(moves or agents.command[i].has_goal == 1 or now < agents.memory[i].pushed_until)
-
-
-@borrowing
-def _mark_due(
-    due: _Mask,
-    squares: _Floats,
-    agents: AgentArrays,
-    now: int,
-    robot: RobotPath,
-    workspace: Workspace,
-    timing: PlannerTiming,
-) -> int:
-    """Write to `due` (N,) which agents plan in this sub-step; return how many they are.
-
-    And to `squares` (N, 3), x, y, half side, a square that holds the agent on its trajectory and on
-    each that it may commit to.
-    """
-    count = 0
-    for i in range(due.shape[0]):
-        place = agents.place[i]
-        squares[i, 0], squares[i, 1], squares[i, 2] = place.x, place.y, place.reach
-        due[i] = _is_due(agents, i, now, robot, timing, workspace.box)
-        if due[i]:
-            count += 1
-            pose = agents.path[i, min(now - place.begin, place.last)]
-            away = max(abs(pose[X] - place.x), abs(pose[Y] - place.y))
-            squares[i, 0], squares[i, 1] = pose[X], pose[Y]
-            squares[i, 2] = max(reach_of(agents.body[i], timing), away + place.reach)
-    return count
 
 
 @owning
@@ -257,8 +225,18 @@ def run(
     Returns bool (N,): which poses have changed; and the poses (N, 6) at the next sub-step.
     """
     size = agents.place.shape[0]
+    # a square, x, y, half side, holds the agent on its path, and on each that it may commit to
     due, squares = np.empty(size, np.bool_), np.empty((size, 3))
-    if _mark_due(due, squares, agents, now, robot, workspace, timing) > 0:
+    for i in range(size):
+        place = agents.place[i]
+        due[i] = _is_due(agents, i, now, robot, timing, workspace.box)
+        squares[i, 0], squares[i, 1], squares[i, 2] = place.x, place.y, place.reach
+        if due[i]:
+            pose = agents.path[i, min(now - place.begin, place.last)]
+            away = max(abs(pose[X] - place.x), abs(pose[Y] - place.y))
+            squares[i, 0], squares[i, 1] = pose[X], pose[Y]
+            squares[i, 2] = max(reach_of(agents.body[i], timing), away + place.reach)
+    if due.any():
         buckets = fill(squares)
         epoch = index // (_RANKS_LAST_SECONDS * timing.second)
         for i in range(size):
@@ -269,7 +247,8 @@ def run(
         place, path = agents.place[i], agents.path[i]
         before = path[min(now - place.begin, place.last)]
         after = path[min(now + 1 - place.begin, place.last)]
-        copy_pose(after, poses[i])
+        for column in range(6):
+            poses[i, column] = after[column]
         moved[i] = before[X] != after[X] or before[Y] != after[Y] or before[YAW] != after[YAW]
         if agents.command[i].has_goal:
             note_progress(agents, i, before, after, now + 1, timing)

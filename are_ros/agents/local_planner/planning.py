@@ -6,10 +6,10 @@ import numpy as np
 
 from are_ros._compiled import borrowing
 from are_ros.agents.local_planner.deadlock import can_yield, consider_detour, push
-from are_ros.agents.local_planner.gaps import TOUCH, distance, gap_between, gather, separation
+from are_ros.agents.local_planner.gaps import TOUCH, find_neighbours, gap_between, separation
 from are_ros.agents.local_planner.primitives import cheapest
 from are_ros.agents.local_planner.proposals import keep_to_way, propose
-from are_ros.agents.local_planner.robot import robot_conflict
+from are_ros.agents.local_planner.robot import robot_cost
 from are_ros.agents.local_planner.rollouts import (
     BRAKE,
     GOING,
@@ -33,7 +33,6 @@ from are_ros.agents.local_planner.state import (
     SIN,
     SOCIAL_FORCE,
     SPEED,
-    STAMP,
     UNOBSTRUCTED,
     AgentArrays,
     ClearanceLayer,
@@ -42,8 +41,6 @@ from are_ros.agents.local_planner.state import (
     RobotPath,
     SpatialHash,
     Workspace,
-    X,
-    Y,
 )
 from are_ros.agents.local_planner.walls import (
     point_room,
@@ -58,67 +55,6 @@ from are_ros.agents.local_planner.walls import (
 INFEASIBLE = np.inf
 _NEAR_WALL = 0.25
 _NEAR_OTHERS = 0.5
-_NEAR_ROBOT = 0.6
-_INTO_ROBOT = 6.0  # for entering where the robot is predicted to be, the less the later
-_LATER = 0.05
-
-
-@borrowing
-def _assess_robot(
-    path: Floats,
-    last: int,
-    body: Any,
-    command: Any,
-    robot: RobotPath,
-    pace: float,
-    workspace: Workspace,
-) -> tuple[float, bool]:
-    """Return what a path costs for its nearness to the robot; whether it runs into it."""
-    comfort = command.robot_comfort
-    if robot.outlines.shape[0] == 0:
-        return 0.0, False
-    far = np.hypot(path[0, X] - robot.x, path[0, Y] - robot.y)
-    if far > robot.reach + last * pace + body.radius + comfort:
-        return 0.0, False
-    least, predicted, present = robot_conflict(
-        path, np.int64(0), last, body, robot, comfort, pace + robot.pace, workspace.box
-    )
-    if present != NEVER:
-        return INFEASIBLE, True
-    cost = _NEAR_ROBOT * (1.0 - least / comfort) if least < comfort else 0.0
-    if predicted != NEVER:
-        return cost + _INTO_ROBOT - _LATER * min(predicted, 60), True
-    return cost, False
-
-
-@borrowing
-def find_neighbours(
-    agents: AgentArrays,
-    i: int,
-    pose: Floats,
-    reach: float,
-    now: int,
-    workspace: Workspace,
-    found: int,
-) -> int:
-    """Keep those of the first `found` of `workspace.near` that come within `reach` of a pose.
-
-    Writes the gap wanted from each of them: the agent's comfort distance, or the gap that there is
-    if that is less. Returns how many they are.
-    """
-    count, body, comfort = 0, agents.body[i], agents.command[i].comfort
-    for n in range(found):
-        j = workspace.near[n]
-        place = agents.place[j]
-        dx, dy, far = place.x - pose[X], place.y - pose[Y], place.reach + reach
-        if dx * dx + dy * dy < far * far:
-            other = agents.path[j, min(now - place.begin, place.last)]
-            workspace.near[count], workspace.wanted[count] = j, comfort
-            if distance(pose, other) < comfort + body.radius + agents.body[j].radius:
-                gap = max(separation(pose, body, other, agents.body[j]), 0.0)
-                workspace.wanted[count] = min(gap, comfort)
-            count += 1
-    return count
 
 
 @borrowing
@@ -245,7 +181,9 @@ def assess(
             cost += 0.0 if kept else _NEAR_WALL
         if cost >= most:
             return INFEASIBLE, UNOBSTRUCTED, NOBODY, NEVER
-    nearness, meets = _assess_robot(path, last, body, command, robot, pace, workspace)
+    nearness, meets = robot_cost(
+        path, 0, last, body, command.robot_comfort, robot, pace, workspace.box
+    )
     return cost + nearness, BY_ROBOT if meets else UNOBSTRUCTED, NOBODY, NEVER
 
 
@@ -254,13 +192,6 @@ REPLAN = 10
 _WORTH_IT = 0.02
 _BACKS_OFF_AFTER = 3.0
 _AHEAD = 0.5  # cosine
-
-
-@borrowing
-def copy_pose(source: Floats, target: Floats) -> None:
-    """Copy a row of a path."""
-    for column in range(target.shape[0]):
-        target[column] = source[column]
 
 
 @borrowing
@@ -278,7 +209,8 @@ def commit(
     """Commit agent i to a path, whose pose 0 is that of `now`."""
     place = agents.place[i]
     for k in range(last + 1):  # slices would take ten seconds more to compile
-        copy_pose(path[k], agents.path[i, k])
+        for column in range(path.shape[1]):
+            agents.path[i, k, column] = path[k, column]
     place.begin, place.last, place.must_plan = now, last, 0
     place.pace, circle = bounds_of(path, last, agents.body[i], timing.step_s)
     place.x, place.y, place.reach = circle[0], circle[1], circle[2] + agents.body[i].radius
@@ -375,8 +307,8 @@ def plan(
     agents.due[i] = now + REPLAN
     start = min(now - place.begin, place.last)
     pose = workspace.paths[0, 0]
-    copy_pose(agents.path[i, start], pose)
-    copy_pose(pose, workspace.paths[1, 0])
+    for column in range(pose.shape[0]):
+        pose[column] = workspace.paths[1, 0, column] = agents.path[i, start, column]
     if command.planner <= SOCIAL_FORCE:  # the others keep their way
         consider_detour(memory, place.id, now, timing.second)
     aim = aim_of(agents, i, pose, now, timing.second)
@@ -388,18 +320,7 @@ def plan(
     backs_off = body.turn_radius == 0.0 and pose[SPEED] <= 0.0
     backs_off = backs_off and (memory.blocked > _BACKS_OFF_AFTER or memory.gear < 0)
     backs_off = backs_off and not turns_freely(pose, body, floor)
-    workspace.counters[STAMP] += 1
-    reach = reach_of(body, timing)
-    near = gather(
-        buckets,
-        (pose[X], pose[Y], reach),
-        i,
-        agents,
-        workspace.seen,
-        workspace.counters[STAMP],
-        workspace.near,
-    )
-    near = find_neighbours(agents, i, pose, reach, now, workspace, near)
+    near = find_neighbours(buckets, agents, i, pose, reach_of(body, timing), now, workspace)
     options = propose(agents, i, aim, pose, now, timing, floor, robot, workspace, near, backs_off)
     wall_gap = wall_gap_wanted(pose, body, command.wall_comfort, floor, workspace.box)
     workspace.goal[0], workspace.goal[1] = command.x, command.y

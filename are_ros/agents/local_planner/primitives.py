@@ -20,9 +20,7 @@ from are_ros.agents.local_planner.rollouts import (
     HEADING,
     POINT,
     PUSHED,
-    RETREAT,
     PlanningGoal,
-    wrapped,
 )
 from are_ros.agents.local_planner.state import COS, SIN, SPEED, YAW, Floats, PlannerTiming, X, Y
 
@@ -100,41 +98,6 @@ def _arc_cost(
 
 
 @borrowing
-def _add_arcs_to_goal(
-    options: Floats,
-    count: int,
-    aim: PlanningGoal,
-    pose: Floats,
-    body: Any,
-    command: Any,
-    memory: Any,
-    duration: float,
-) -> int:
-    """Add the one arc that ends in the goal, where it is not too tight."""
-    dx, dy = command.x - pose[X], command.y - pose[Y]
-    ahead, aside = dx * pose[COS] + dy * pose[SIN], dy * pose[COS] - dx * pose[SIN]
-    curvature = 2.0 * aside / max(dx * dx + dy * dy, 1e-6)
-    if abs(curvature) * TIGHTEST * body.turn_radius > 1.0 or abs(ahead) < 0.02:
-        return count
-    direction = 1.0 if ahead > 0.0 else -1.0
-    price = 1.0 if ahead > 0.0 else _REVERSE_PRICE
-    radius, full = TIGHTEST * body.turn_radius, aim.speed * duration
-    saved = way_left(pose[X], pose[Y], pose[YAW], command.x, command.y, radius)
-    angle = math.atan2(abs(aside), abs(ahead))  # the arc's length is the chord's by this share
-    share = angle / np.sin(angle) if angle > 1e-6 else 1.0
-    saved -= price * (np.hypot(abs(ahead), abs(aside)) * share)
-    for factor in _FORWARD:
-        speed = direction * factor * aim.speed * (1.0 if ahead > 0.0 else REVERSE_SHARE)
-        gain = saved + price * abs(speed) * duration
-        cost = 1.0 - gain / full - _TO_GOAL + (0.0 if ahead > 0.0 else _REVERSE)
-        cost += _REVERSAL if direction * memory.gear < 0.0 else 0.0
-        options[count, 0], options[count, 1] = ARC_TO_POINT, curvature
-        options[count, 2], options[count, 3] = speed, cost
-        count += 1
-    return count
-
-
-@borrowing
 def vehicle_options(
     options: Floats,
     aim: PlanningGoal,
@@ -163,16 +126,28 @@ def vehicle_options(
                     cost += _BEND_CHANGE * abs(bend - memory.chosen * radius)
                 cost += _REVERSE if factor < 0.0 else 0.0
                 cost += _REVERSAL if factor * memory.gear < 0.0 else 0.0
-                options[count, 0], options[count, 1] = CURVE, bend / radius
-                options[count, 2], options[count, 3] = speed, cost
-                count += 1
-    if aim.ends:
-        count = _add_arcs_to_goal(options, count, aim, pose, body, command, memory, duration)
-    options[count, 0], options[count, 1], options[count, 2] = BRAKE, 0.0, 0.0
-    options[count, 3] = aim.stop_cost
-    if not np.isnan(memory.chosen):
-        options[count, 1] = memory.chosen
-    return count + 1
+                count = set_option(options, count, CURVE, bend / radius, speed, cost, np.nan)
+
+    # the one arc that ends in the goal, where it is not too tight
+    dx, dy = command.x - pose[X], command.y - pose[Y]
+    ahead, aside = dx * pose[COS] + dy * pose[SIN], dy * pose[COS] - dx * pose[SIN]
+    curvature = 2.0 * aside / max(dx * dx + dy * dy, 1e-6)
+    is_wide = abs(curvature) * TIGHTEST * body.turn_radius <= 1.0
+    if aim.ends and is_wide and abs(ahead) >= 0.02:
+        direction, price = (1.0, 1.0) if ahead > 0.0 else (-1.0, _REVERSE_PRICE)
+        saved = way_left(pose[X], pose[Y], pose[YAW], command.x, command.y, radius)
+        angle = math.atan2(abs(aside), abs(ahead))  # the arc's length is the chord's by this share
+        share = angle / np.sin(angle) if angle > 1e-6 else 1.0
+        saved -= price * (np.hypot(abs(ahead), abs(aside)) * share)
+        for factor in _FORWARD:
+            speed = direction * factor * aim.speed * (1.0 if ahead > 0.0 else REVERSE_SHARE)
+            gain = saved + price * abs(speed) * duration
+            cost = 1.0 - gain / full - _TO_GOAL + (0.0 if ahead > 0.0 else _REVERSE)
+            cost += _REVERSAL if direction * memory.gear < 0.0 else 0.0
+            count = set_option(options, count, ARC_TO_POINT, curvature, speed, cost, np.nan)
+
+    curvature = 0.0 if np.isnan(memory.chosen) else memory.chosen
+    return set_option(options, count, BRAKE, curvature, 0.0, aim.stop_cost, np.nan)
 
 
 _DELTAS = np.radians(
@@ -183,14 +158,12 @@ _SPEEDS = np.array([1.0, 0.75, 0.5, 0.25])
 _DEVIATION = 0.12  # of the square of the angle over a right angle
 _LEFT = 0.03  # people keep to the right
 _CHANGE = 0.08  # for turning away from what was chosen last
-_PLAIN_STOP = 0.02
+PLAIN_STOP = 0.02
 _NEAR = 0.15
-_STOPS_WITHIN = 1.5
+STOPS_WITHIN = 1.5
 _STOP_SHORT = 0.05  # for a stop at a point that is not the end
 _SHIFTS = 8
 _SHIFT = 0.04
-_BACK_MPS = 0.4
-_BACK = 0.1  # for walking back
 
 
 @borrowing
@@ -204,35 +177,14 @@ def set_option(
 
 
 @borrowing
-def fill_options(
-    options: Floats,
-    aim: PlanningGoal,
-    pose: Floats,
-    body: Any,
-    command: Any,
-    memory: Any,
-    timing: PlannerTiming,
-) -> int:
-    """Write the primitives of an agent at a pose; return how many there are."""
-    if aim.speed <= 0.0:
-        count = set_option(options, 0, BRAKE, aim.heading, 0.0, 0.0, np.nan)
-        return set_option(options, count, BRAKE, np.nan, 0.0, _PLAIN_STOP, np.nan)
-    if body.turn_radius > 0.0:
-        return vehicle_options(options, aim, pose, body, command, memory, timing)
-    return _walker_options(options, aim, memory)
+def add_braking(options: Floats, count: int, aim: PlanningGoal, cost: float) -> int:
+    """Write braking, with and without a turn towards what is wanted; return the next index."""
+    count = set_option(options, count, BRAKE, aim.heading, 0.0, cost, np.nan)
+    return set_option(options, count, BRAKE, np.nan, 0.0, cost + PLAIN_STOP, np.nan)
 
 
 @borrowing
-def add_retreat(options: Floats, count: int, aim: PlanningGoal, pose: Floats) -> int:
-    """Write a step straight back, of a walker that met another where it cannot turn."""
-    heading = math.atan2(-pose[SIN], -pose[COS])
-    delta, speed = wrapped(heading - aim.heading), min(aim.speed, _BACK_MPS)
-    cost = 1.0 + _BACK - _gain(aim, delta, np.cos(delta), speed)
-    return set_option(options, count, RETREAT, heading, -speed, cost, heading)
-
-
-@borrowing
-def _gain(aim: PlanningGoal, delta: float, cosine: float, speed: float) -> float:
+def gain_of(aim: PlanningGoal, delta: float, cosine: float, speed: float) -> float:
     """Return what a second at a speed gains, 1 for full speed straight on."""
     if aim.kind != PUSHED:
         return speed / aim.speed * cosine
@@ -241,9 +193,10 @@ def _gain(aim: PlanningGoal, delta: float, cosine: float, speed: float) -> float
 
 
 @borrowing
-def _walker_options(options: Floats, aim: PlanningGoal, memory: Any) -> int:
+def walker_options(options: Floats, aim: PlanningGoal, memory: Any) -> int:
+    """Write the primitives of an agent that turns on the spot; return how many there are."""
     ends = aim.ends
-    is_near = aim.kind == GOING and not ends and aim.distance < _STOPS_WITHIN
+    is_near = aim.kind == GOING and not ends and aim.distance < STOPS_WITHIN
     count = 0
     for n in range(_DELTAS.shape[0]):
         delta = _DELTAS[n]
@@ -263,7 +216,7 @@ def _walker_options(options: Floats, aim: PlanningGoal, memory: Any) -> int:
                 if speed == before:  # the same again
                     continue
                 before = speed
-            gain = _gain(aim, delta, _COSINES[n], speed)
+            gain = gain_of(aim, delta, _COSINES[n], speed)
             if gain < 0.0 and factor < 0.5:
                 continue
             count = set_option(options, count, kind, heading, speed, cost - gain, heading)
@@ -275,8 +228,7 @@ def _walker_options(options: Floats, aim: PlanningGoal, memory: Any) -> int:
                 count = set_option(
                     options, count, HEADING, heading, speed, cost - gain, aim.heading
                 )
-    count = set_option(options, count, BRAKE, aim.heading, 0.0, aim.stop_cost, np.nan)
-    return set_option(options, count, BRAKE, np.nan, 0.0, aim.stop_cost + _PLAIN_STOP, np.nan)
+    return add_braking(options, count, aim, aim.stop_cost)
 
 
 @borrowing

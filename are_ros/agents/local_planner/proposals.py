@@ -26,12 +26,15 @@ import numpy as np
 
 from are_ros._compiled import borrowing
 from are_ros.agents.local_planner.primitives import (
+    PLAIN_STOP,
     REVERSE_SHARE,
-    add_retreat,
-    fill_options,
+    STOPS_WITHIN,
+    add_braking,
+    gain_of,
     set_option,
+    vehicle_options,
+    walker_options,
 )
-from are_ros.agents.local_planner.robot import robot_disc
 from are_ros.agents.local_planner.rollouts import (
     BRAKE,
     CURVE,
@@ -39,6 +42,7 @@ from are_ros.agents.local_planner.rollouts import (
     HEADING,
     POINT,
     PUSHED,
+    RETREAT,
     PlanningGoal,
     wrapped,
 )
@@ -60,10 +64,10 @@ from are_ros.agents.local_planner.state import (
     X,
     Y,
 )
-from are_ros.agents.local_planner.walls import clearance_and_slope
+from are_ros.agents.local_planner.walls import layer_of
 
-_STOPS_WITHIN = 1.5
-_PLAIN_STOP = 0.02
+_BACK_MPS = 0.4
+_BACK = 0.1  # for walking back
 
 
 @borrowing
@@ -88,21 +92,27 @@ def propose(
     """
     body, memory, options = agents.body[i], agents.memory[i], workspace.options
     planner = agents.command[i].planner
-    if aim.speed <= 0.0 or aim.kind == PUSHED:
-        planner = DYNAMIC_WINDOW
-    if planner == SOCIAL_FORCE and memory.blocked > FORCES_FAIL_AFTER:
+    if aim.speed <= 0.0:
+        return add_braking(options, 0, aim, 0.0)
+    is_held = planner == SOCIAL_FORCE and memory.blocked > FORCES_FAIL_AFTER
+    if is_held or aim.kind == PUSHED:
         planner = DYNAMIC_WINDOW
     if planner == WISHES:
         return _wished(options, workspace.wishes[i], aim, pose, body, timing)
-    if planner == DYNAMIC_WINDOW or body.turn_radius > 0.0:
-        count = fill_options(options, aim, pose, body, agents.command[i], memory, timing)
+    if body.turn_radius > 0.0:
+        return vehicle_options(options, aim, pose, body, agents.command[i], memory, timing)
+    if planner == DYNAMIC_WINDOW:
+        count = walker_options(options, aim, memory)
     elif planner == PATH_FOLLOWING:
         count = _straight_on(options, aim, pose, backs_off)
     else:
-        x, y = social_force(agents, i, aim, pose, now, timing, floor, robot, workspace, near)
+        x, y = social_force(agents, i, aim, pose, now, floor, robot, workspace, near)
         count = _by_force(options, aim, pose, x, y)
-    if backs_off and aim.speed > 0.0:
-        count = add_retreat(options, count, aim, pose)
+    if backs_off:  # straight back, where a walker met another and cannot turn
+        heading = math.atan2(-pose[SIN], -pose[COS])
+        delta, speed = wrapped(heading - aim.heading), min(aim.speed, _BACK_MPS)
+        cost = 1.0 + _BACK - gain_of(aim, delta, np.cos(delta), speed)
+        count = set_option(options, count, RETREAT, heading, -speed, cost, heading)
     return count
 
 
@@ -123,17 +133,10 @@ def _straight_on(options: Floats, aim: PlanningGoal, pose: Floats, backs_off: bo
     for pace in _PACES:
         speed, cost = pace * aim.speed, 1.0 - pace
         count = set_option(options, count, kind, aim.heading, speed, cost, aim.heading)
-        if kind == HEADING and aim.kind == GOING and aim.distance < _STOPS_WITHIN:
-            cost += _PLAIN_STOP  # to stop there, should there be no room to go on
+        if kind == HEADING and aim.kind == GOING and aim.distance < STOPS_WITHIN:
+            cost += PLAIN_STOP  # to stop there, should there be no room to go on
             count = set_option(options, count, POINT, aim.heading, speed, cost, aim.heading)
-    return _brake(options, count, aim, aim.stop_cost if backs_off else 1.0)
-
-
-@borrowing
-def _brake(options: Floats, count: int, aim: PlanningGoal, cost: float) -> int:
-    """Write braking, with and without a turn towards what is wanted."""
-    count = set_option(options, count, BRAKE, aim.heading, 0.0, cost, np.nan)
-    return set_option(options, count, BRAKE, np.nan, 0.0, cost + _PLAIN_STOP, np.nan)
+    return add_braking(options, count, aim, aim.stop_cost if backs_off else 1.0)
 
 
 @borrowing
@@ -233,7 +236,6 @@ def social_force(
     aim: PlanningGoal,
     pose: Floats,
     now: int,
-    timing: PlannerTiming,
     floor: ClearanceLayer,
     robot: RobotPath,
     workspace: Workspace,
@@ -254,16 +256,26 @@ def social_force(
             x, y = other[X], other[Y]
             ux, uy = other[SPEED] * other[COS], other[SPEED] * other[SIN]
         elif has_robot:
-            x, y, ux, uy, radius = robot_disc(robot, timing)
+            x, y, ux, uy, radius = robot.disc
         else:
             break
         fx, fy = repulsion(
             pose[X] - x, pose[Y] - y, ux - vx, uy - vy, body.radius + radius, pose[COS], pose[SIN]
         )
         ax, ay = ax + fx, ay + fy
-    room, slope_x, slope_y = clearance_and_slope(pose[X], pose[Y], body, floor)
-    force = WALLS_MPS2 * np.exp(min((body.radius - room) / WALLS_M, 0.0))
-    return ax + force * slope_x, ay + force * slope_y
+    # walls push along the gradient, by central differences: none half-way between two of them
+    lattice, unit, field = floor.lattice, floor.unit, floor.clearance[layer_of(body, floor)]
+    dx, dy = pose[X] - lattice[0], pose[Y] - lattice[1]
+    col = int(np.floor((dx * lattice[2] + dy * lattice[3]) / unit))
+    row = int(np.floor((dy * lattice[2] - dx * lattice[3]) / unit))
+    if 0 < col < field.shape[1] - 1 and 0 < row < field.shape[0] - 1:
+        along = 0.5 * float(field[row, col + 1] - field[row, col - 1]) / unit
+        across = 0.5 * float(field[row + 1, col] - field[row - 1, col]) / unit
+        room = float(field[row, col]) - 0.5 * unit
+        force = WALLS_MPS2 * np.exp(min((body.radius - room) / WALLS_M, 0.0))
+        ax += force * (along * lattice[2] - across * lattice[3])
+        ay += force * (along * lattice[3] + across * lattice[2])
+    return ax, ay
 
 
 @borrowing
@@ -278,14 +290,14 @@ def _by_force(options: Floats, aim: PlanningGoal, pose: Floats, ax: float, ay: f
     speed = min(max(np.sqrt(vx * vx + vy * vy), slowest), aim.speed)
     aside = wrapped(math.atan2(vy, vx) - aim.heading)
     heading = aim.heading + min(max(aside, -_MOST_DEFLECTION), _MOST_DEFLECTION)
-    count, is_near = 0, aim.kind == GOING and aim.distance < _STOPS_WITHIN
+    count, is_near = 0, aim.kind == GOING and aim.distance < STOPS_WITHIN
     if is_near:
-        cost = 0.0 if aim.ends else _PLAIN_STOP
+        cost = 0.0 if aim.ends else PLAIN_STOP
         count = set_option(options, count, POINT, aim.heading, speed, cost, aim.heading)
-    first = _PLAIN_STOP if is_near and aim.ends else 0.0
+    first = PLAIN_STOP if is_near and aim.ends else 0.0
     for n in range(_TURNS.shape[0]):
         direction, share = heading + _TURNS[n], _SHARES[n]
         cost = first + _COSTS[n]
         count = set_option(options, count, HEADING, direction, share * speed, cost, direction)
     count = set_option(options, count, HEADING, aim.heading, slowest, _STRAIGHT, aim.heading)
-    return _brake(options, count, aim, aim.stop_cost)
+    return add_braking(options, count, aim, aim.stop_cost)

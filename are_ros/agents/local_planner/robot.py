@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from are_ros._compiled import borrowing, owning
+from are_ros._compiled import owning
 from are_ros.agents.local_planner.gaps import TOUCH, leap
-from are_ros.agents.local_planner.state import NEVER, Floats, PlannerTiming, RobotPath
+from are_ros.agents.local_planner.state import NEVER, Floats, RobotPath, X, Y
 from are_ros.agents.local_planner.walls import lay_box
 from are_ros.world.footprint import Footprint, signed_distances
 
@@ -80,12 +80,15 @@ class RobotMotion:
 
 
 _CLEARANCE = 0.01
+_NEAR_ROBOT = 0.6
+_INTO_ROBOT = 6.0  # for entering where the robot is predicted to be, the less the later
+_LATER = 0.05
 
 
 def robot_path(robot: RobotMotion | None, step_s: float) -> RobotPath:
     """Return where the robot will be, for the kernels."""
     if robot is None:
-        return RobotPath(np.empty((0, 1, 2)), 0.0, 0.0, 0.0, 0.0, 0.0)
+        return RobotPath(np.empty((0, 1, 2)), 0.0, 0.0, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0, 0.0))
     outlines = robot.outlines_m(step_s, round(PREDICTION_S / step_s))
     points = outlines.reshape(-1, 2)
     x, y = (0.5 * (points.min(axis=0) + points.max(axis=0))).tolist()
@@ -94,62 +97,50 @@ def robot_path(robot: RobotMotion | None, step_s: float) -> RobotPath:
     corners = robot.footprint.vertices_m - (robot.x_m, robot.y_m)
     sweep = abs(robot.yaw_rate) * float(np.hypot(corners[:, 0], corners[:, 1]).max())
     pace = (robot.speed_mps + sweep) * step_s
-    return RobotPath(outlines, radius, x, y, reach, pace)
-
-
-@borrowing
-def robot_disc(robot: RobotPath, timing: PlannerTiming) -> tuple[float, float, float, float, float]:
-    """Return the middle of the robot's corners (x, y), its velocity, and a radius about it."""
-    later, corners = 1, robot.outlines.shape[1]
-    x, y, ux, uy, radius = 0.0, 0.0, 0.0, 0.0, 0.0
-    for v in range(corners):
-        here, there = robot.outlines[0, v], robot.outlines[later, v]
-        x, y = x + here[0] / corners, y + here[1] / corners
-        ux, uy = ux + (there[0] - here[0]) / corners, uy + (there[1] - here[1]) / corners
-    for v in range(corners):
-        here = robot.outlines[0, v]
-        radius = max(radius, np.sqrt((here[0] - x) ** 2 + (here[1] - y) ** 2))
-    return x, y, ux / timing.step_s, uy / timing.step_s, radius + robot.radius
+    middle = (outlines[0] / len(corners)).sum(axis=0)
+    velocity = ((outlines[1] - outlines[0]) / len(corners)).sum(axis=0) / step_s
+    away = outlines[0] - middle
+    farthest = float(np.sqrt(away[:, 0] ** 2 + away[:, 1] ** 2).max())
+    disc = (*middle.tolist(), *velocity.tolist(), farthest + radius)
+    return RobotPath(outlines, radius, x, y, reach, pace, disc)
 
 
 @owning
-def robot_gap(pose: Floats, body: Any, robot: RobotPath, k: int, box: Floats) -> float:
-    """Return the distance of a body at a pose from the robot at sub-step k; negative: overlap."""
-    lay_box(pose, body, 0.0, box)
-    outline = robot.outlines[min(k, robot.outlines.shape[0] - 1)]
-    return float(signed_distances(outline, robot.radius, box)[0])
-
-
-@borrowing
-def robot_conflict(
+def robot_cost(
     path: Floats,
     start: int,
     end: int,
     body: Any,
-    robot: RobotPath,
     comfort: float,
+    robot: RobotPath,
     pace: float,
     box: Floats,
-) -> tuple[float, int, int]:
-    """Return the least gap from the robot, at most `comfort`, and when a path first meets it.
+) -> tuple[float, bool]:
+    """Return what a path costs for its nearness to the robot, and whether it runs into it.
 
-    Two times: where the robot is predicted to be, and where it is now. A path that starts too near
-    to the robot comes no nearer to its present place.
+    The path is at index `start` now and ends at `end`; `pace` is its highest speed per sub-step.
+    Both places of the robot count, where it is predicted to be, and where it is now; nothing may
+    enter the latter, so that costs infinitely. A path that starts too near to it comes no nearer.
     """
-    first = robot_gap(path[start], body, robot, 0, box)
-    least = max(min(first, comfort), 0.0)
-    allowed = min(first, _CLEARANCE) - TOUCH
-    until = max(end - start, robot.outlines.shape[0] - 1)
-    predicted, present, k = NEVER, NEVER, 1
-    while k <= until:
-        pose = path[min(start + k, end)]
-        still = robot_gap(pose, body, robot, 0, box)
-        ahead = robot_gap(pose, body, robot, k, box)
-        if present == NEVER and still < allowed:
-            present = k
-        if predicted == NEVER and ahead < allowed:
-            predicted = k
+    last = robot.outlines.shape[0] - 1
+    far = np.hypot(path[start, X] - robot.x, path[start, Y] - robot.y)
+    if last < 0 or far > robot.reach + (end - start) * pace + body.radius + comfort:
+        return 0.0, False
+    least, allowed, predicted, k = comfort, 0.0, NEVER, 0
+    while k <= max(end - start, last):
+        lay_box(path[min(start + k, end)], body, 0.0, box)
+        still = signed_distances(robot.outlines[0], robot.radius, box)[0]
+        ahead = signed_distances(robot.outlines[min(k, last)], robot.radius, box)[0]
         near = min(still, ahead)
         least = min(least, max(near, 0.0))
-        k += leap(max(near - comfort, 0.0), pace)
-    return least, predicted, present
+        if k == 0:
+            allowed = min(near, _CLEARANCE) - TOUCH
+        elif still < allowed:
+            return np.inf, True
+        if predicted == NEVER and ahead < allowed:
+            predicted = k
+        k += leap(max(near - comfort, 0.0), pace + robot.pace) if k > 0 else 1
+    cost = _NEAR_ROBOT * (1.0 - least / comfort) if least < comfort else 0.0
+    if predicted == NEVER:
+        return cost, False
+    return cost + _INTO_ROBOT - _LATER * min(predicted, 60), True

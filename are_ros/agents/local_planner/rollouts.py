@@ -38,6 +38,13 @@ def wrapped(angle: float) -> float:
 
 
 @borrowing
+def distance(pose: Floats, x: float, y: float) -> float:
+    """Return how far the ground point of a pose is from a point."""
+    dx, dy = x - pose[X], y - pose[Y]
+    return float(np.sqrt(dx * dx + dy * dy))  # hypot is much slower
+
+
+@borrowing
 def turn_to(heading: float, yaw: float) -> float:
     """Return the angle from a yaw to a heading, in [-pi, pi]; 0 if it is only for rounding."""
     error = heading - yaw
@@ -88,20 +95,6 @@ def _turn_on(
     c, s = pose[COS] * cos - pose[SIN] * sin, pose[SIN] * cos + pose[COS] * sin
     after[X], after[Y], after[YAW] = pose[X] + way * c, pose[Y] + way * s, pose[YAW] + turn
     after[COS], after[SIN], after[SPEED] = c * cos - s * sin, s * cos + c * sin, speed
-
-
-@borrowing
-def brake(path: Floats, k: int, curvature: float, body: Any, dt: float) -> int:
-    """Brake from pose k on along a curve; return the index of the pose where it stands."""
-    step = body.acceleration * dt
-    while path[k, SPEED] != 0.0 and k + 1 < path.shape[0]:
-        speed = path[k, SPEED]
-        slower = max(speed - step, 0.0) if speed > 0.0 else min(speed + step, 0.0)
-        limit = body.turn_rate * dt
-        turn = min(max(curvature * 0.5 * (speed + slower) * dt, -limit), limit)
-        advance(path, k, turn, slower, dt)
-        k += 1
-    return k
 
 
 @borrowing
@@ -190,56 +183,43 @@ def _drive(path: Floats, option: Floats, goal: Floats, body: Any, steps: int, dt
 
 
 @borrowing
-def _stop(
-    path: Floats,
-    option: Floats,
-    body: Any,
-    half: tuple[float, float, float],
-    steps: int,
-    dt: float,
-) -> int:
-    """Brake, and turn on the spot towards a heading on the way (nan: none); `half` as above."""
-    step = body.acceleration * dt
-    limit = 2.0 * half[0]
-    k = 0
-    while k < steps:
-        speed = path[k, SPEED]
-        error = 0.0 if np.isnan(option[1]) else turn_to(option[1], path[k, YAW])
-        if speed == 0.0 and error == 0.0:
-            break
-        slower = max(speed - step, 0.0) if speed > 0.0 else min(speed + step, 0.0)
-        _turn_on(path, k, min(max(error, -limit), limit), half, slower, dt)
-        k += 1
-    return k
-
-
-@borrowing
 def roll_out(path: Floats, option: Floats, goal: Floats, body: Any, timing: PlannerTiming) -> int:
     """Fill a path, whose pose 0 is given, by a primitive (see `primitives`).
 
     Returns the index of the last pose, where the body stands.
     """
-    kind = option[0]
+    kind, k, curvature, dt = option[0], np.int64(0), 0.0, timing.step_s
+    step, limit = body.acceleration * dt, body.turn_rate * dt
+    half_turn = 0.5 * body.turn_rate * dt
+    half = half_turn, np.cos(half_turn), np.sin(half_turn)
     if kind == BRAKE and body.turn_radius > 0.0:
         curvature = 0.0 if np.isnan(option[1]) else option[1]  # straight if none was chosen
-        return brake(path, np.int64(0), curvature, body, timing.step_s)
-    half_turn = 0.5 * body.turn_rate * timing.step_s
-    half = half_turn, np.cos(half_turn), np.sin(half_turn)
-    if kind == BRAKE:
-        k = _stop(path, option, body, half, timing.walk, timing.step_s)
+    elif kind == BRAKE:  # turn on the spot towards a heading on the way (nan: none)
+        while k < timing.walk:
+            speed = path[k, SPEED]
+            error = 0.0 if np.isnan(option[1]) else turn_to(option[1], path[k, YAW])
+            if speed == 0.0 and error == 0.0:
+                break
+            slower = max(speed - step, 0.0) if speed > 0.0 else min(speed + step, 0.0)
+            _turn_on(path, k, min(max(error, -limit), limit), half, slower, dt)
+            k += 1
     elif kind == RETREAT:  # walk straight back, at a speed below 0
-        step = body.acceleration * timing.step_s
         for k in range(timing.walk):
             speed = path[k, SPEED]
-            slower = min(max(option[2], speed - step), speed + step)
-            advance(path, k, 0.0, slower, timing.step_s)
-        k = timing.walk
+            advance(path, k, 0.0, min(max(option[2], speed - step), speed + step), dt)
+        k = np.int64(timing.walk)
     elif kind <= POINT:
-        k = _walk(path, option, goal, body, half, timing.walk, timing.step_s)
+        k = _walk(path, option, goal, body, half, timing.walk, dt)
     else:
-        k = _drive(path, option, goal, body, timing.drive, timing.step_s)
-        return brake(path, k, option[1] if kind == CURVE else 0.0, body, timing.step_s)
-    return brake(path, k, 0.0, body, timing.step_s)
+        k = _drive(path, option, goal, body, timing.drive, dt)
+        curvature = option[1] if kind == CURVE else 0.0
+    while path[k, SPEED] != 0.0 and k + 1 < path.shape[0]:  # then brake to a stand
+        speed = path[k, SPEED]
+        slower = max(speed - step, 0.0) if speed > 0.0 else min(speed + step, 0.0)
+        turn = min(max(curvature * 0.5 * (speed + slower) * dt, -limit), limit)
+        advance(path, k, turn, slower, dt)
+        k += 1
+    return int(k)
 
 
 @borrowing
@@ -295,13 +275,6 @@ class PlanningGoal(NamedTuple):
 
 
 @borrowing
-def way_to(pose: Floats, command: Any) -> float:
-    """Return the distance of a pose from the sub-goal."""
-    dx, dy = command.x - pose[X], command.y - pose[Y]
-    return float(np.sqrt(dx * dx + dy * dy))
-
-
-@borrowing
 def kind_of(agents: AgentArrays, i: int, pose: Floats, now: int, second: int) -> int:
     """Return the kind of goal that agent i has at sub-step `now`, standing or moving at `pose`.
 
@@ -312,7 +285,7 @@ def kind_of(agents: AgentArrays, i: int, pose: Floats, now: int, second: int) ->
         return PUSHED
     if command.has_goal == 0 or min(command.speed, body.speed) <= 0.0:
         return STANDING
-    dx, dy, way = command.x - pose[X], command.y - pose[Y], way_to(pose, command)
+    dx, dy, way = command.x - pose[X], command.y - pose[Y], distance(pose, command.x, command.y)
     ahead, aside = dx * pose[COS] + dy * pose[SIN], dy * pose[COS] - dx * pose[SIN]
     is_vehicle = body.turn_radius > 0.0
     # beside a sub-goal on its way it has not arrived: it would wait there for another one for ever
@@ -355,7 +328,8 @@ def aim_of(agents: AgentArrays, i: int, pose: Floats, now: int, second: int) -> 
             DETOURING, heading + memory.detour, np.inf, speed, stop_cost, 0.0, False
         )
     ends = command.stops == 1 or memory.passed_at != NEVER
-    return PlanningGoal(GOING, heading, way_to(pose, command), speed, stop_cost, 0.0, ends)
+    way = distance(pose, command.x, command.y)
+    return PlanningGoal(GOING, heading, way, speed, stop_cost, 0.0, ends)
 
 
 @borrowing

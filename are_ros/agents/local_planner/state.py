@@ -146,7 +146,8 @@ class ClearanceLayer(NamedTuple):
 class RobotPath(NamedTuple):
     """The robot's outlines (K, V, 2) now (0) and later, K = 0: none; rounded by `radius`.
 
-    All lie in the circle x, y, reach; `pace` bounds the speed of any point of it.
+    All lie in the circle x, y, reach; `pace` bounds the speed of any point of it. `disc`: x, y and
+    velocity of the middle of its corners now, and the radius about it that holds the robot.
     """
 
     outlines: Floats
@@ -155,6 +156,7 @@ class RobotPath(NamedTuple):
     y: float
     reach: float
     pace: float
+    disc: tuple[float, float, float, float, float]
 
 
 class SpatialHash(NamedTuple):

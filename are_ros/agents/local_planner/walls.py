@@ -9,14 +9,12 @@ import numpy.typing as npt
 from are_ros._compiled import borrowing, owning
 from are_ros.agents.local_planner.gaps import leap
 from are_ros.agents.local_planner.state import COS, NEVER, SIN, ClearanceLayer, Floats, X, Y
-from are_ros.agents.navigation.terrain import HEIGHT_STEP_M, Terrains, disc_is_free, has_own_voxels
+from are_ros.agents.navigation.terrain import HEIGHT_STEP_M, Terrains, has_own_voxels, rolls
 from are_ros.world.boxes import TOUCH_TOLERANCE_M
 from are_ros.world.environment import Environment
 from are_ros.world.lattice_cover import (
     HALF_DIAGONAL,
-    TWO_HALF_DIAGONALS,
     covered,
-    hits_cells,
     lattice_row,
     meets,
 )
@@ -40,64 +38,32 @@ def layer_of(body: Any, floor: ClearanceLayer) -> int:
 
 
 @borrowing
-def _cells_free(col: float, row: float, floor: ClearanceLayer, layer: int) -> float:
-    """Return a lower bound of the distance [cells] of a point [cells] from closed cells."""
-    field = floor.clearance
+def point_room(x: float, y: float, body: Any, floor: ClearanceLayer) -> float:
+    """Return the radius [m] of a disc about a point that surely meets no closed cell."""
+    lattice, field, scale = floor.lattice, floor.clearance, 1.0 / floor.unit
+    dx, dy = x - lattice[0], y - lattice[1]
+    col = (dx * lattice[2] + dy * lattice[3]) * scale
+    row = (dy * lattice[2] - dx * lattice[3]) * scale
     if not (0.0 <= col < field.shape[2] and 0.0 <= row < field.shape[1]):
         return -np.inf
     i, j = int(row), int(col)
     dx, dy = col - j - 0.5, row - i - 0.5
-    return float(field[layer, i, j] / floor.unit - np.sqrt(dx * dx + dy * dy) - HALF_DIAGONAL)
-
-
-@borrowing
-def point_room(x: float, y: float, body: Any, floor: ClearanceLayer) -> float:
-    """Return the radius [m] of a disc about a point that surely meets no closed cell."""
-    lattice, unit = floor.lattice, floor.unit
-    dx, dy = x - lattice[0], y - lattice[1]
-    col = (dx * lattice[2] + dy * lattice[3]) / unit
-    row = (dy * lattice[2] - dx * lattice[3]) / unit
-    return unit * _cells_free(col, row, floor, layer_of(body, floor))
-
-
-@borrowing
-def clearance_and_slope(
-    x: float, y: float, body: Any, floor: ClearanceLayer
-) -> tuple[float, float, float]:
-    """Return the distance [m] of a point's cell from closed ground, and its gradient in the map.
-
-    The gradient is by central differences: none half-way between two walls. At the edge of the
-    grid, or outside of it, nothing is known: an infinite distance, and none.
-    """
-    lattice, unit, field = floor.lattice, floor.unit, floor.clearance
-    dx, dy, layer = x - lattice[0], y - lattice[1], layer_of(body, floor)
-    j = int(np.floor((dx * lattice[2] + dy * lattice[3]) / unit))
-    i = int(np.floor((dy * lattice[2] - dx * lattice[3]) / unit))
-    if not (0 < j < field.shape[2] - 1 and 0 < i < field.shape[1] - 1):
-        return np.inf, 0.0, 0.0
-    along = 0.5 * float(field[layer, i, j + 1] - field[layer, i, j - 1]) / unit
-    across = 0.5 * float(field[layer, i + 1, j] - field[layer, i - 1, j]) / unit
-    room = float(field[layer, i, j]) - 0.5 * unit
-    return room, along * lattice[2] - across * lattice[3], along * lattice[3] + across * lattice[2]
+    away = np.sqrt(dx * dx + dy * dy) + HALF_DIAGONAL
+    return float(field[layer_of(body, floor), i, j] - away * floor.unit)
 
 
 @borrowing
 def disc_room(pose: Floats, body: Any, floor: ClearanceLayer) -> float:
     """Return how much [m] each disc of a body can surely grow before it meets a closed cell."""
-    lattice = floor.lattice
-    layer, scale = layer_of(body, floor), 1.0 / floor.unit
-    x0 = pose[X] - lattice[0] + pose[COS] * body.centre_x - pose[SIN] * body.centre_y
-    y0 = pose[Y] - lattice[1] + pose[SIN] * body.centre_x + pose[COS] * body.centre_y
+    x = pose[X] + pose[COS] * body.centre_x - pose[SIN] * body.centre_y
+    y = pose[Y] + pose[SIN] * body.centre_x + pose[COS] * body.centre_y
     step_x = pose[COS] * body.disc_x - pose[SIN] * body.disc_y
     step_y = pose[SIN] * body.disc_x + pose[COS] * body.disc_y
     least = np.inf
     for n in range(body.discs):
         offset = n - 0.5 * (body.discs - 1)
-        x, y = x0 + offset * step_x, y0 + offset * step_y
-        col = (x * lattice[2] + y * lattice[3]) * scale
-        row = (y * lattice[2] - x * lattice[3]) * scale
-        least = min(least, _cells_free(col, row, floor, layer))
-    return float(least * floor.unit - body.disc_radius)
+        least = min(least, point_room(x + offset * step_x, y + offset * step_y, body, floor))
+    return float(least - body.disc_radius)
 
 
 @borrowing
@@ -111,16 +77,8 @@ def is_free(pose: Floats, body: Any, grow: float, floor: ClearanceLayer, box: Fl
 @borrowing
 def turns_freely(pose: Floats, body: Any, floor: ClearanceLayer) -> bool:
     """Tell whether the disc that a body sweeps, turning on the spot, covers open cells only."""
-    lattice, unit = floor.lattice, floor.unit
-    field = floor.clearance[layer_of(body, floor)]
-    dx, dy = pose[X] - lattice[0], pose[Y] - lattice[1]
-    x = (dx * lattice[2] + dy * lattice[3]) / unit
-    y = (dy * lattice[2] - dx * lattice[3]) / unit
-    radius = body.radius / unit - TOUCH_TOLERANCE_M
-    if not (0.0 <= x < field.shape[1] and 0.0 <= y < field.shape[0]):
-        return False
-    is_far = field[int(y), int(x)] >= (radius + TWO_HALF_DIAGONALS) * unit
-    return bool(is_far or disc_is_free(field, x, y, radius))
+    field, here_m = floor.clearance[layer_of(body, floor)], (pose[X], pose[Y])
+    return rolls(field, floor.lattice, here_m, here_m, body.radius)
 
 
 @owning
@@ -129,7 +87,7 @@ def _solid_cells(pose: Floats, body: Any, floor: ClearanceLayer, box: Floats) ->
     lay_box(pose, body, 0.0, box)
     layer = layer_of(body, floor)
     field, solid = floor.clearance[layer], floor.solid[layer]
-    if not hits_cells(box, floor.lattice, solid, field, floor.unit, TOUCH_TOLERANCE_M)[0]:
+    if not meets(box, 0, floor.lattice, solid, True, field, floor.unit, TOUCH_TOLERANCE_M):
         return 0
     row, col, mask = covered(box, 0, floor.lattice, solid.shape, TOUCH_TOLERANCE_M)
     count = 0

@@ -10,8 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import compiled
-from are_ros.agents.navigation.terrain import disc_is_free
-from are_ros.world.boxes import TOUCH_TOLERANCE_M
+from are_ros.agents.navigation.terrain import disc_fits
 
 Labels = npt.NDArray[np.uint16]
 
@@ -23,20 +22,11 @@ COL_STEPS: Final = (1, 0, -1, 0)
 def exact_room(
     clearance_m: npt.NDArray[np.float32], radius_m: float, unit_m: float
 ) -> npt.NDArray[np.float32]:
-    """Return the clearance (H, W), but 0 where a disc about the cell's centre meets a closed one.
-
-    Clearance is to centres: half a cell more than the radius is enough beside a cell, and half a
-    diagonal before its corner; between the two the cells around are looked at.
-    """
+    """Return the clearance (H, W), but 0 where a disc about the cell's centre does not fit."""
     room_m: npt.NDArray[np.float32] = clearance_m.copy()
-    radius = radius_m / unit_m - TOUCH_TOLERANCE_M
-    least_m, enough_m = radius_m + (0.5 - 1e-3) * unit_m, radius_m + 0.7072 * unit_m
     for row in range(room_m.shape[0]):
         for col in range(room_m.shape[1]):
-            if room_m[row, col] < enough_m and (
-                room_m[row, col] < least_m
-                or not disc_is_free(clearance_m, col + 0.5, row + 0.5, radius)
-            ):
+            if not disc_fits(clearance_m, row, col, radius_m, unit_m):
                 room_m[row, col] = 0.0
     return room_m
 
@@ -55,7 +45,8 @@ def label_blocks(
     `levels_m` are the least clearance and the one that is enough: more is no better.
     `labels` (H, W) becomes 0 where there is too little room, else the number of the component
     within the block; `mains` (h, w) the largest component, 0 if there is none (the first of equal
-    ones); `anchors` (h, w, 2) its best fine cell (row, col).
+    ones); `anchors` (h, w, 2) its fine cell (row, col) with most clearance, of equal ones the most
+    central.
     """
     least_m, enough_m = levels_m
     queue = np.empty((side * side, 2), np.int32)
@@ -63,10 +54,17 @@ def label_blocks(
         for j in range(mains.shape[1]):
             block = (slice(i * side, (i + 1) * side), slice(j * side, (j + 1) * side))
             room_m, inner = clearance_m[block], labels[block]
-            mains[i, j] = _label_block(room_m, least_m, inner, queue)
-            if mains[i, j] != 0:
-                row, col = _best_cell(room_m, enough_m, inner, mains[i, j], side)
-                anchors[i, j, 0], anchors[i, j, 1] = i * side + row, j * side + col
+            main = mains[i, j] = _label_block(room_m, least_m, inner, queue)
+            most_m, nearest = -1.0, 0
+            for row in range(inner.shape[0]):
+                for col in range(inner.shape[1]):
+                    here_m = min(float(room_m[row, col]), enough_m)
+                    if main == 0 or inner[row, col] != main or here_m < most_m:
+                        continue
+                    away = (2 * row + 1 - side) ** 2 + (2 * col + 1 - side) ** 2
+                    if here_m > most_m or away < nearest:
+                        anchors[i, j, 0], anchors[i, j, 1] = i * side + row, j * side + col
+                        most_m, nearest = here_m, away
 
 
 @compiled
@@ -99,61 +97,35 @@ def _label_block(
 
 
 @compiled
-def _best_cell(
-    room_m: npt.NDArray[np.float32], enough_m: float, labels: Labels, label: int, side: int
-) -> tuple[int, int]:
-    """Return the cell of a component with most clearance, of equal ones the most central."""
-    best = (0, 0)
-    most_m, nearest = -1.0, 0
-    for row in range(labels.shape[0]):
-        for col in range(labels.shape[1]):
-            here_m = min(float(room_m[row, col]), enough_m)
-            if labels[row, col] != label or here_m < most_m:
-                continue
-            away = (2 * row + 1 - side) ** 2 + (2 * col + 1 - side) ** 2
-            if here_m > most_m or away < nearest:
-                best, most_m, nearest = (row, col), here_m, away
-    return best
-
-
-@compiled
 def open_edges(labels: Labels, mains: Labels, side: int, edges: npt.NDArray[np.bool_]) -> None:
-    """Tell which neighbouring blocks' largest components join within the two: bool (4, h, w)."""
+    """Tell which neighbouring blocks' largest components join within the two: bool (4, h, w).
+
+    They join by way of any components on both sides of the border.
+    """
     edges[:] = False
     height, width = mains.shape
     reached = np.zeros((2, side * side + 1), np.bool_)
     for i in range(height):
         for j in range(width):
-            row, col = (i + 1) * side, (j + 1) * side
-            if j + 1 < width:
-                rows = slice(i * side, row)
-                west, east = labels[rows, col - 1], labels[rows, col]
-                is_open = _join(west, east, mains[i, j], mains[i, j + 1], reached)
-                edges[0, i, j] = edges[2, i, j + 1] = is_open
-            if i + 1 < height:
-                cols = slice(j * side, col)
-                south, north = labels[row - 1, cols], labels[row, cols]
-                is_open = _join(south, north, mains[i, j], mains[i + 1, j], reached)
-                edges[1, i, j] = edges[3, i + 1, j] = is_open
-
-
-@compiled
-def _join(
-    side_a: Labels, side_b: Labels, main_a: int, main_b: int, reached: npt.NDArray[np.bool_]
-) -> bool:
-    """Tell whether two components join by way of any components on both sides of a border."""
-    if main_a == 0 or main_b == 0:
-        return False
-    reached[:] = False
-    reached[0, main_a] = True
-    grows = True
-    while grows and not reached[1, main_b]:
-        grows = False
-        for i in range(side_a.shape[0]):
-            a, b = side_a[i], side_b[i]
-            if a != 0 and b != 0 and reached[0, a] != reached[1, b]:
-                reached[0, a] = reached[1, b] = grows = True
-    return bool(reached[1, main_b])
+            for direction in range(2):
+                k, m = i + ROW_STEPS[direction], j + COL_STEPS[direction]
+                if k == height or m == width or mains[i, j] == 0 or mains[k, m] == 0:
+                    continue
+                if direction == 0:
+                    rows, col = slice(i * side, (i + 1) * side), m * side
+                    here, there = labels[rows, col - 1], labels[rows, col]
+                else:
+                    row, cols = k * side, slice(j * side, (j + 1) * side)
+                    here, there = labels[row - 1, cols], labels[row, cols]
+                reached[:] = False
+                reached[0, mains[i, j]] = grows = True
+                while grows and not reached[1, mains[k, m]]:
+                    grows = False
+                    for n in range(here.shape[0]):
+                        a, b = here[n], there[n]
+                        if a != 0 and b != 0 and reached[0, a] != reached[1, b]:
+                            reached[0, a] = reached[1, b] = grows = True
+                edges[direction, i, j] = edges[direction + 2, k, m] = reached[1, mains[k, m]]
 
 
 def label_components(mains: Labels, edges: npt.NDArray[np.bool_]) -> npt.NDArray[np.int32]:

@@ -61,22 +61,7 @@ class Process(NamedTuple):
 
 
 @compiled
-def decide(
-    process: Process, part: Part, new: np.uint64, epoch: np.int32, scratch: Floats
-) -> np.int32:
-    """Put the values of some cells where `new` is; return the last epoch that changed any."""
-    for pace in range(process.reaches.shape[0]):
-        if process.reaches[pace] <= NEAR:
-            _move_near(process, part, pace, scratch)
-        else:
-            _find_ends(process, part, pace, scratch)
-            _move_far(process, part, pace, scratch)
-    _choose(process, part, scratch)
-    return _put(process, part, new, epoch, scratch)
-
-
-@compiled
-def _move_near(process: Process, part: Part, pace: int, scratch: Floats) -> None:
+def move_near(process: Process, part: Part, pace: int, scratch: Floats) -> None:
     """Put what moves of a pace of up to three cells bring into the scratch, if it is better."""
     flat, lengths, (old, first, count) = process.flat, process.lengths, part
     north, south = np.uint64(process.width), np.uint64(-process.width)
@@ -93,9 +78,28 @@ def _move_near(process: Process, part: Part, pace: int, scratch: Floats) -> None
 
 
 @compiled
-def _move_far(process: Process, part: Part, pace: int, scratch: Floats) -> None:
-    """Put what moves of a pace bring into the scratch, if it is better, by the ends found."""
-    old, first, count = part
+def move_far(process: Process, part: Part, pace: int, scratch: Floats) -> None:
+    """Put what moves of a pace bring into the scratch, if it is better: first where they lead."""
+    flat, lengths, (old, first, count) = process.flat, process.lengths, part
+    reach, at, out = process.reaches[pace], first, _ENDS
+    for direction in range(4):
+        # to the west and south it wraps around, and back when it is added
+        step = np.uint64(ROW_STEPS[direction] * process.width + COL_STEPS[direction])
+        here = old + at
+        for i in range(count):
+            length = min(lengths[at + i], np.int32(reach))
+            best = _three_on(flat, here + i, step, length)
+            four = here + i + np.uint64(4) * step
+            five = four + step
+            best = _either(best, flat[four], length >= np.int32(4))
+            best = _either(best, flat[five], length >= np.int32(5))
+            scratch[out + i] = _either(best, flat[five + step], length >= np.int32(6))
+        for k in range(FAR + 1, reach + 1):
+            this, length_k = here + np.uint64(k) * step, np.int32(k)
+            for i in range(count):
+                is_longer = lengths[at + i] >= length_k
+                scratch[out + i] = _either(scratch[out + i], flat[this + i], is_longer)
+        at, out = at + np.uint64(process.settled.shape[0]), out + _ROW
     for i in range(count):
         e, w = _ENDS + i, _ENDS + _ROW + _ROW + i
         ends = (scratch[e], scratch[e + _ROW], scratch[w], scratch[w + _ROW])
@@ -135,8 +139,13 @@ def _move(
 
 
 @compiled
-def _choose(process: Process, part: Part, scratch: Floats) -> None:
-    """Put the best of staying and the moves, by heading, where the moves are in the scratch."""
+def choose(
+    process: Process, part: Part, new: np.uint64, epoch: np.int32, scratch: Floats
+) -> np.int32:
+    """Put the best of staying and the moves in the scratch, by heading, where `new` is.
+
+    Returns the last epoch that changed any of the cells.
+    """
     flat, gains, (old, first, count) = process.flat, process.gains, part
     quarter, half = process.turns
     for i in range(count):
@@ -153,13 +162,7 @@ def _choose(process: Process, part: Part, scratch: Floats) -> None:
         to += _ROW
         scratch[to] = max(flat[old + s] + stay, south, along_x, north - half)
 
-
-@compiled
-def _put(
-    process: Process, part: Part, new: np.uint64, epoch: np.int32, scratch: Floats
-) -> np.int32:
-    """Put the new values of some cells where `new` is; return the last epoch that changed any."""
-    flat, settled, (old, first, count) = process.flat, process.settled, part
+    settled = process.settled
     plane, at = np.uint64(settled.shape[0]), np.uint64(0)
     last: np.int32 = np.int32(0)
     old, new = old + first, new + first
@@ -171,31 +174,6 @@ def _put(
             last = max(last, now)
         old, new, at = old + plane, new + plane, at + _ROW
     return last
-
-
-@compiled
-def _find_ends(process: Process, part: Part, pace: int, scratch: Floats) -> None:
-    """Put into the scratch the value of where each direction leads to from each cell."""
-    flat, lengths, (old, at, count), out = process.flat, process.lengths, part, _ENDS
-    reach = process.reaches[pace]
-    for direction in range(4):
-        # to the west and south it wraps around, and back when it is added
-        step = np.uint64(ROW_STEPS[direction] * process.width + COL_STEPS[direction])
-        here = old + at
-        for i in range(count):
-            length = min(lengths[at + i], np.int32(reach))
-            best = _three_on(flat, here + i, step, length)
-            four = here + i + np.uint64(4) * step
-            five = four + step
-            best = _either(best, flat[four], length >= np.int32(4))
-            best = _either(best, flat[five], length >= np.int32(5))
-            scratch[out + i] = _either(best, flat[five + step], length >= np.int32(6))
-        for k in range(FAR + 1, reach + 1):
-            this, length_k = here + np.uint64(k) * step, np.int32(k)
-            for i in range(count):
-                is_longer = lengths[at + i] >= length_k
-                scratch[out + i] = _either(scratch[out + i], flat[this + i], is_longer)
-        at, out = at + np.uint64(process.settled.shape[0]), out + _ROW
 
 
 @compiled

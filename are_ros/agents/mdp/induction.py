@@ -6,7 +6,16 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import compiled
-from are_ros.agents.mdp.decision_kernels import CHUNK, FAR, Floats, Process, decide
+from are_ros.agents.mdp.decision_kernels import (
+    CHUNK,
+    FAR,
+    NEAR,
+    Floats,
+    Process,
+    choose,
+    move_far,
+    move_near,
+)
 
 if TYPE_CHECKING:
     from are_ros.agents.mdp.model import Problem
@@ -55,7 +64,12 @@ def induct(process: Process, padding: int, kept: int, horizon: int) -> int:
         new, last = np.uint64(padding + epoch % kept * 4 * cells), 0
         for start in range(0, cells, CHUNK):
             part = old, np.uint64(start), np.uint64(min(CHUNK, cells - start))
-            last = max(last, int(decide(process, part, new, np.int32(epoch), scratch)))
+            for pace in range(process.reaches.shape[0]):
+                if process.reaches[pace] <= NEAR:
+                    move_near(process, part, pace, scratch)
+                else:
+                    move_far(process, part, pace, scratch)
+            last = max(last, int(choose(process, part, new, np.int32(epoch), scratch)))
         if last < epoch:
             return epoch
     return horizon

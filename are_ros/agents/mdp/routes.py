@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from are_ros._compiled import borrowing
+from are_ros._compiled import borrowing, compiled
 from are_ros.agents.mdp.coarse_kernels import COL_STEPS, ROW_STEPS
 
 Floats = npt.NDArray[np.float32]
@@ -28,8 +28,8 @@ class ValueArrays(NamedTuple):
 
     `planes`, `epochs`, `settled` and `nearness` as in `ValueTable`, `lengths` and `costs` as in
     `Ways`. `paces` (P, 2) are reach and effort of each. `prices` are those of time and clearance,
-    and what resting saves; `chances` and `turns` as in `Process`; `corner` is the window's first
-    cell, `goal` the goal's in the window.
+    and what resting saves; `chances` as in `Process`; `turns` those of turning by none to three
+    quarters; `corner` is the window's first cell, `goal` the goal's in the window.
     """
 
     planes: Floats
@@ -41,7 +41,7 @@ class ValueArrays(NamedTuple):
     paces: Doubles
     prices: tuple[float, float, float]
     chances: tuple[float, float, float]
-    turns: tuple[float, float]
+    turns: tuple[float, float, float, float]
     corner: Cell
     goal: Cell
 
@@ -64,14 +64,13 @@ class Moves(NamedTuple):
     after: Doubles
 
 
-@borrowing
+@compiled
 def action_values(
     values: ValueArrays,
     epochs_left: int,
     anchors_m: Doubles,
     others: Doubles,
     state: tuple[int, int, int],
-    scratch: tuple[Moves, Moves],
     result: Doubles,
 ) -> None:
     """Fill in what staying and the four directions bring at each pace: (P, 5).
@@ -82,7 +81,9 @@ def action_values(
     of one fails. Backward induction over the states that can be reached in K epochs, exact.
     """
     row, col, heading = state
-    moves, further = scratch
+    numbers, after = np.empty((2, 4, values.paces.shape[0], 4)), np.empty((2, 4))
+    moves = Moves(numbers[0, 0], numbers[0, 1], numbers[0, 2], numbers[0, 3], after[0])
+    further = Moves(numbers[1, 0], numbers[1, 1], numbers[1, 2], numbers[1, 3], after[1])
     epochs_left -= 1
     here = _find_moves(values, anchors_m, others[0], (row, col), moves)
     _find_after(values, epochs_left, anchors_m, others[1:], (row, col), further)
@@ -104,7 +105,7 @@ def action_values(
     for pace in range(moves.gains.shape[0]):
         result[pace, 0] = moves.after[heading] - here + values.prices[2]
         for direction in range(4):
-            turn = _turn(values, heading, direction)
+            turn = values.turns[(direction - heading) % 4]
             result[pace, 1 + direction] = moves.slipping[pace, direction] - turn
 
 
@@ -149,7 +150,9 @@ def _find_after(
     """Find the values of a cell by heading, with others in the next epochs."""
     row, col = cell
     after, ahead = moves.after, others.shape[0]
-    later = values.planes[place_of(values, epochs_left - ahead)]
+    # the plane with so many epochs left, or the last one, which holds for all that is not kept
+    last, kept, left = values.epochs[0], values.planes.shape[0], epochs_left - ahead
+    later = values.planes[(left if max(0, last - kept + 1) <= left < last else last) % kept]
     for heading in range(4):
         after[heading] = later[heading, row, col]
     is_goal = row == values.goal[0] and col == values.goal[1]
@@ -165,7 +168,7 @@ def _find_after(
     for heading in range(4):
         best = after[heading] - here + values.prices[2]
         for direction in range(4):
-            turn = _turn(values, heading, direction)
+            turn = values.turns[(direction - heading) % 4]
             for pace in range(moves.gains.shape[0]):
                 best = max(best, moves.slipping[pace, direction] - turn)
         after[heading] = best
@@ -184,14 +187,6 @@ def _slip(values: ValueArrays, here: float, moves: Moves) -> None:
             moves.slipping[pace, direction] = (
                 straight * moves.brings[pace, direction] + aside * sides + fails * failed
             )
-
-
-@borrowing
-def _turn(values: ValueArrays, heading: int, direction: int) -> float:
-    """Return the price of turning to a direction."""
-    apart = (direction - heading) % 4
-    quarter, half = values.turns
-    return 0.0 if apart == 0 else (half if apart == 2 else quarter)
 
 
 @borrowing
@@ -243,54 +238,31 @@ def follow(
     Of several ways it is the one that stays near the straight line from the state to the goal: the
     coarse cells are not to be seen in it. Returns how many points there are.
     """
-    row, col, _ = state
-    pace, move = action
+    costs, (row, col, _), (pace, move) = values.costs, state, action
+    rows, cols = values.goal[0] - row, values.goal[1] - col
     direction, left, count = move - 1, 0, 0
     if move > 0:
         left = min(int(values.paces[pace, 0]), int(values.lengths[direction, row, col]))
     while count < points_m.shape[0]:
-        if left == 0:
-            direction = _next_direction(values, state, row, col)
+        if left == 0:  # on along a cheapest way, a cell at a time
+            left, direction, nearest = 1, -1, 0
+            for k in range(4):
+                r, c = row + ROW_STEPS[k], col + COL_STEPS[k]
+                if values.lengths[k, row, col] == 0 or costs[r, c] >= costs[row, col]:
+                    continue
+                nearness = float(values.nearness[r + values.corner[0], c + values.corner[1]])
+                step = (values.prices[0] + values.prices[1] * nearness) / values.paces[0, 0]
+                is_cheapest = costs[r, c] + step <= (1.0 + _ROUNDING) * costs[row, col]
+                away = abs((r - state[0]) * cols - (c - state[1]) * rows)
+                if is_cheapest and (direction < 0 or away < nearest):
+                    direction, nearest = k, away
             if direction < 0:
                 break
-            left = 1
         row, col = row + ROW_STEPS[direction], col + COL_STEPS[direction]
         anchor_m = anchors_m[row + values.corner[0], col + values.corner[1]]
         points_m[count, 0], points_m[count, 1] = anchor_m[0], anchor_m[1]
         left, count = left - 1, count + 1
     return count
-
-
-@borrowing
-def _next_direction(values: ValueArrays, state: tuple[int, int, int], row: int, col: int) -> int:
-    """Return the direction of the cheapest way, -1 at its end.
-
-    Of several it is the one nearest to the line from the state to the goal.
-    """
-    costs = values.costs
-    rows, cols = values.goal[0] - state[0], values.goal[1] - state[1]
-    best, nearest = -1, 0
-    for direction in range(4):
-        r, c = row + ROW_STEPS[direction], col + COL_STEPS[direction]
-        if values.lengths[direction, row, col] == 0 or costs[r, c] >= costs[row, col]:
-            continue
-        clearance = values.prices[1] * float(
-            values.nearness[r + values.corner[0], c + values.corner[1]]
-        )
-        step = (values.prices[0] + clearance) / values.paces[0, 0]
-        if costs[r, c] + step <= (1.0 + _ROUNDING) * costs[row, col]:
-            away = abs((r - state[0]) * cols - (c - state[1]) * rows)
-            if best < 0 or away < nearest:
-                best, nearest = direction, away
-    return best
-
-
-@borrowing
-def place_of(values: ValueArrays, epochs_left: int) -> int:
-    """Return which plane has the values with so many epochs left, or is the last one."""
-    last, kept = values.epochs[0], values.planes.shape[0]
-    place: int = (epochs_left if max(0, last - kept + 1) <= epochs_left < last else last) % kept
-    return place
 
 
 @borrowing

@@ -160,40 +160,20 @@ def find_gains(
             across[row, col] = here + (across[row - 1, col] if row > 0 else 0.0)
             is_absorbing = costs[row, col] == np.inf or (row == goal[0] and col == goal[1])
             gains[0, row, col] = np.float32(0.0 if is_absorbing else rest - here)
-    for pace in range(reaches.shape[0]):
-        for direction in range(4):
-            _find_gains(
-                (along, across)[direction % 2],
-                lengths[direction],
-                price,
-                (direction, reaches[pace], effort[pace], time),
-                gains[1 + 4 * pace + direction],
-            )
-    for row in range(height):
-        for col in range(width):
-            if costs[row, col] == np.inf or (row == goal[0] and col == goal[1]):
-                gains[1:, row, col] = np.float32(-1.0)
+    for move in range(4 * reaches.shape[0]):
+        pace, direction = move // 4, move % 4
+        dearer = (1.0 + effort[pace] / time) / reaches[pace]
+        sums = across if direction % 2 else along
+        row_step, col_step = ROW_STEPS[direction], COL_STEPS[direction]
+        for row in range(height):
+            for col in range(width):
+                length = min(np.int64(lengths[direction, row, col]), reaches[pace])
+                last_row, last_col = row + length * row_step, col + length * col_step
+                swept = sums[last_row, last_col] - sums[row, col]
+                if direction >= 2:  # the sums count the cell itself, and not the last one
+                    swept = price[last_row, last_col] - price[row, col] - swept
+                cost = swept * dearer if length > 0 else price[row, col] + effort[pace]
+                if costs[row, col] == np.inf or (row == goal[0] and col == goal[1]):
+                    cost = 1.0
+                gains[1 + move, row, col] = np.float32(-cost)
     return gains
-
-
-@compiled
-def _find_gains(
-    sums: npt.NDArray[np.float64],
-    lengths: Lengths,
-    price: Floats,
-    pace: tuple[int, int, float, float],
-    gains: Floats,
-) -> None:
-    """Fill in what moves in a direction bring, by sums of prices along it."""
-    direction, reach, effort, time = pace
-    dearer = (1.0 + effort / time) / reach
-    row_step, col_step = ROW_STEPS[direction], COL_STEPS[direction]
-    for row in range(price.shape[0]):
-        for col in range(price.shape[1]):
-            length = min(np.int64(lengths[row, col]), reach)
-            swept = sums[row + length * row_step, col + length * col_step] - sums[row, col]
-            if row_step + col_step < 0:  # the sums count the cell itself, and not the last one
-                end = price[row + length * row_step, col + length * col_step]
-                swept = end - price[row, col] - swept
-            cost = swept * dearer if length > 0 else price[row, col] + effort
-            gains[row, col] = np.float32(-cost)

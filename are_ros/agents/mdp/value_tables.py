@@ -147,7 +147,7 @@ class ValueTable:
             np.column_stack((model.reaches, model.effort)),
             (model.time, model.clearance, model.rest),
             model.chances,
-            (model.quarter_turn, model.half_turn),
+            (0.0, model.quarter_turn, model.half_turn, model.quarter_turn),
             self.corner,
             (self.goal[0] - self.corner[0], self.goal[1] - self.corner[1]),
         )

@@ -13,8 +13,7 @@ import numpy.typing as npt
 from are_ros._compiled import compiled, owning
 from are_ros.agents.mdp.coarse_kernels import COL_STEPS, ROW_STEPS
 from are_ros.agents.navigation.ground import Ground, cell_of, fine_cell
-from are_ros.agents.navigation.terrain import cell_centre, disc_is_free, rolls
-from are_ros.world.boxes import TOUCH_TOLERANCE_M
+from are_ros.agents.navigation.terrain import cell_centre, disc_fits, rolls
 
 LEAST_M: Final = 0.25
 """A point nearer than this counts as reached: the next point is taken, visible or not."""
@@ -26,11 +25,8 @@ MARGINS: Final = (0, 1, 3)
 """The search is widened by so many blocks, one after the other, while it finds nothing."""
 
 _UNSEEN: Final = -1
-_ANYWHERE: Final = 0.7072
-_BESIDE: Final = 0.499
 
 Point = tuple[float, float]
-Rectangle = tuple[int, int, int, int]
 
 
 @owning
@@ -42,61 +38,38 @@ def way_round(
     `from_m` and the result are points of the map frame; the last value tells whether there is a
     way at all: if not, it is the first point of the coarse way.
     """
-    way_m = way_m[:AHEAD]
+    way_m, side = way_m[:AHEAD], ground.side
     goal_m = (way_m[-1, 0], way_m[-1, 1])
     start = fine_cell(ground.lattice, from_m)
     goal = fine_cell(ground.lattice, goal_m)
+    # the blocks that the way leads through, that of the coarse cell that stands for the start too
+    first_row, first_col = start[0] // side, start[1] // side
+    row, col = cell_of(ground, from_m[0], from_m[1])
+    row, col = (row, col) if row >= 0 else (first_row, first_col)
+    south, north = min(first_row, row), max(first_row, row)
+    west, east = min(first_col, col), max(first_col, col)
+    for k in range(way_m.shape[0]):
+        row, col = fine_cell(ground.lattice, (way_m[k, 0], way_m[k, 1]))
+        south, north = min(south, row // side), max(north, row // side)
+        west, east = min(west, col // side), max(east, col // side)
+    height, width = ground.clearance_m.shape
     for margin in MARGINS:
-        rows, cols = _searched(ground, from_m, way_m, margin)
-        parents = np.full((rows[1] - rows[0], cols[1] - cols[0]), _UNSEEN, np.int32)
-        if _flood(ground, start, goal, (rows[0], cols[0]), radius_m, parents):
-            width = parents.shape[1]
-            here = (goal[0] - rows[0]) * width + goal[1] - cols[0]
+        low_row, low_col = max(0, (south - margin) * side), max(0, (west - margin) * side)
+        rows = min(height, (north + margin + 1) * side) - low_row
+        cols = min(width, (east + margin + 1) * side) - low_col
+        parents = np.full((rows, cols), _UNSEEN, np.int32)
+        if _flood(ground, start, goal, (low_row, low_col), radius_m, parents):
+            here = (goal[0] - low_row) * cols + goal[1] - low_col
             cells, count, before = np.empty((parents.size, 2), np.int64), 0, -1
             while before != here:  # from the goal back to the start, which is its own parent
                 here = before if before >= 0 else here
-                cells[count, 0], cells[count, 1] = here // width + rows[0], here % width + cols[0]
+                cells[count, 0], cells[count, 1] = here // cols + low_row, here % cols + low_col
                 count += 1
-                before = np.int64(parents[here // width, here % width])
+                before = np.int64(parents[here // cols, here % cols])
             cells = cells[:count]
             x_m, y_m = _first_leg(ground, from_m, cells, goal_m, radius_m)
             return x_m, y_m, True
     return way_m[0, 0], way_m[0, 1], False
-
-
-@compiled
-def _searched(
-    ground: Ground, from_m: Point, way_m: npt.NDArray[np.float64], margin: int
-) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Return the rows and columns, from and to, of the blocks that a way leads through."""
-    side = ground.side
-    row, col = fine_cell(ground.lattice, from_m)
-    south, west = row // side, col // side
-    north, east = south, west
-    row, col = cell_of(ground, from_m[0], from_m[1])
-    if row >= 0:
-        south, west, north, east = min(south, row), min(west, col), max(north, row), max(east, col)
-    for k in range(way_m.shape[0]):
-        row, col = fine_cell(ground.lattice, (way_m[k, 0], way_m[k, 1]))
-        row, col = row // side, col // side
-        south, west, north, east = min(south, row), min(west, col), max(north, row), max(east, col)
-    height, width = ground.clearance_m.shape
-    rows = max(0, (south - margin) * side), min(height, (north + margin + 1) * side)
-    return rows, (max(0, (west - margin) * side), min(width, (east + margin + 1) * side))
-
-
-@compiled
-def disc_fits(
-    clearance_m: npt.NDArray[np.float32], row: int, col: int, radius_m: float, unit_m: float
-) -> bool:
-    """Tell whether a disc about the centre of a cell covers open cells only."""
-    here_m = clearance_m[row, col]
-    if here_m >= radius_m + _ANYWHERE * unit_m:
-        return True
-    if here_m < radius_m + _BESIDE * unit_m:
-        return False
-    radius = radius_m / unit_m - TOUCH_TOLERANCE_M
-    return disc_is_free(clearance_m, col + 0.5, row + 0.5, radius)
 
 
 @compiled

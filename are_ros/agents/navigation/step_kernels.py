@@ -9,7 +9,6 @@ from are_ros._compiled import borrowing, compiled
 from are_ros.agents.mdp.coarse_kernels import COL_STEPS, ROW_STEPS
 from are_ros.agents.mdp.routes import (
     AHEAD,
-    Moves,
     ValueArrays,
     ValueTuple,
     action_values,
@@ -19,7 +18,7 @@ from are_ros.agents.mdp.routes import (
 from are_ros.agents.navigation.ground import Ground, cell_of, fine_cell, heading_of
 from are_ros.agents.navigation.local_way import way_round
 from are_ros.agents.navigation.terrain import cell_centre, farthest, rolls
-from are_ros.agents.neighbours import Cells, find_near
+from are_ros.agents.neighbours import CellArrays, find_near
 
 Floats = npt.NDArray[np.float64]
 
@@ -57,7 +56,7 @@ class Crowd(NamedTuple):
     `ahead_m` (N, AHEAD, 2) is where each will be at the end of the next epochs.
     """
 
-    cells: Cells
+    cells: CellArrays
     poses: Floats
     ahead_m: Floats
     radii_m: Floats
@@ -93,13 +92,13 @@ def prospect_of(
     """Fill in what the actions of an agent with a goal are worth, (P, 5): pace, move.
 
     `ground`, `value_arrays` and `ends` are the fields of `Ground`, `ValueArrays` and `GoalSpec`,
-    `crowd` those of `Cells` and the rest of `Crowd`. `agent` is the index in the crowd, whether
-    others cost it anything, and the epochs left. A moving goal is approached straight from any
-    distance. Returns what there is (no way, straight to the goal, a choice, or that the planes of
-    all epochs are needed), the heading, and the value of the state without the others.
+    `crowd` those of `neighbours.Cells` and the rest of `Crowd`. `agent` is the index in the crowd,
+    whether others cost it anything, and the epochs left. A moving goal is approached straight from
+    any distance. Returns what there is (no way, straight to the goal, a choice, or that the planes
+    of all epochs are needed), the heading, and the value of the state without the others.
     """
     floor, values, going = Ground(*ground), ValueArrays(*value_arrays), GoalSpec(*ends)
-    everybody = Crowd(Cells(*crowd[:8]), crowd[8], crowd[9], crowd[10])
+    everybody = Crowd(crowd[:8], crowd[8], crowd[9], crowd[10])
     index, is_patient, epochs_left = agent
     x_m, y_m = everybody.poses[index, 0], everybody.poses[index, 1]
     away_m = np.hypot(going.goal_m[0] - x_m, going.goal_m[1] - y_m)
@@ -116,11 +115,11 @@ def prospect_of(
     others = others[: min(AHEAD, epochs_left)]
     if not is_settled(values, state[0], state[1], epochs_left, others.shape[0]):
         return UNKNOWN, 0, 0.0
-    scratch, nobody = scratch_of(values.paces.shape[0]), others[:, :0].copy()
-    action_values(values, epochs_left, floor.anchors_m, nobody, state, scratch, brings)
+    nobody = others[:, :0].copy()
+    action_values(values, epochs_left, floor.anchors_m, nobody, state, brings)
     value = brings.max()
     if others.shape[1] > 0:
-        action_values(values, epochs_left, floor.anchors_m, others, state, scratch, brings)
+        action_values(values, epochs_left, floor.anchors_m, others, state, brings)
     return CHOOSES, state[2], value
 
 
@@ -138,17 +137,6 @@ def _state_of(
 
 
 @compiled
-def scratch_of(paces: int) -> tuple[Moves, Moves]:
-    """Return scratch for `action_values`."""
-    numbers = np.empty((2, 4, paces, 4))
-    after = np.empty((2, 4))
-    return (
-        Moves(numbers[0, 0], numbers[0, 1], numbers[0, 2], numbers[0, 3], after[0]),
-        Moves(numbers[1, 0], numbers[1, 1], numbers[1, 2], numbers[1, 3], after[1]),
-    )
-
-
-@compiled
 def find_others(crowd: Crowd, robot: Robot, me: int, is_patient: bool, going: GoalSpec) -> Floats:
     """Return where others are in each epoch ahead, (AHEAD, M, 5), as `action_values` takes them.
 
@@ -160,25 +148,24 @@ def find_others(crowd: Crowd, robot: Robot, me: int, is_patient: bool, going: Go
         here = crowd.poses[me]
         near = find_near(crowd.cells, here[0], here[1], MINDED_M, found, squares)
     others = np.empty((AHEAD, near + 1, 5))
-    for n in range(near):
-        i = found[n]
-        if i != me:
-            within_m = crowd.radii_m[i] + going.radius_m
-            _foresee(others, count, crowd.ahead_m[i], within_m, going.others_price)
-            count += 1
-    if is_patient and robot[1] >= 0.0 and going.robot_price > 0.0:
-        _foresee(others, count, robot[0], robot[1] + going.radius_m, going.robot_price)
+    minds_robot = is_patient and robot[1] >= 0.0 and going.robot_price > 0.0
+    for n in range(near + 1):
+        if n < near:
+            i = found[n]
+            if i == me:
+                continue
+            ahead_m, radius_m, price = crowd.ahead_m[i], crowd.radii_m[i], going.others_price
+        elif minds_robot:
+            ahead_m, radius_m, price = robot[0], robot[1], going.robot_price
+        else:
+            break
+        for k in range(AHEAD):
+            others[k, count, 0], others[k, count, 1] = ahead_m[k, 0], ahead_m[k, 1]
+            others[k, count, 2], others[k, count, 3] = radius_m + going.radius_m, FADE_M
+            others[k, count, 4] = price
         count += 1
     found_others: Floats = others[:, :count].copy()
     return found_others
-
-
-@borrowing
-def _foresee(others: Floats, count: int, ahead_m: Floats, radius_m: float, price: float) -> None:
-    """Write where one of a radius will be at the end of each epoch, and its price."""
-    for k in range(others.shape[0]):
-        others[k, count, 0], others[k, count, 1] = ahead_m[k, 0], ahead_m[k, 1]
-        others[k, count, 2], others[k, count, 3], others[k, count, 4] = radius_m, FADE_M, price
 
 
 @compiled

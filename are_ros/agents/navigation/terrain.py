@@ -21,6 +21,9 @@ _CERTAIN_HIT: Final = 0.25
 """A point is at most this much farther [cells] from a closed cell than the centre of its own cell
 is from the centre of that one: half a diagonal, less half a side."""
 
+_ANYWHERE: Final = 0.7072
+_BESIDE: Final = 0.499
+
 
 class Terrain:
     """The ground of one environment for bodies up to `height_m`; it never changes.
@@ -175,6 +178,24 @@ def disc_is_free(field: npt.NDArray[np.float32], x: float, y: float, radius: flo
             if field[row, col] == 0.0 and u * u + v * v < radius * radius:
                 return False
     return True
+
+
+@borrowing
+def disc_fits(
+    clearance_m: npt.NDArray[np.float32], row: int, col: int, radius_m: float, unit_m: float
+) -> bool:
+    """Tell whether a disc about the centre of a cell covers open cells only.
+
+    Clearance is to centres: half a cell more than the radius is enough beside a cell, and half a
+    diagonal before its corner; between the two the cells around are looked at.
+    """
+    here_m = clearance_m[row, col]
+    if here_m >= radius_m + _ANYWHERE * unit_m:
+        return True
+    if here_m < radius_m + _BESIDE * unit_m:
+        return False
+    radius = radius_m / unit_m - TOUCH_TOLERANCE_M
+    return disc_is_free(clearance_m, col + 0.5, row + 0.5, radius)
 
 
 @borrowing

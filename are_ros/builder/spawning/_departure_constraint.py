@@ -193,47 +193,34 @@ def some_arc_is_free(
     body: _Floats,
     poses: _Floats,
 ) -> _Mask:
-    """Tell for each pose (N, 4), x, y, 0, yaw, whether one of six arcs is free: bool (N,)."""
+    """Tell for each pose (N, 4), x, y, 0, yaw, whether one of six arcs is free: bool (N,).
+
+    An arc is if the box is free at its end, and along it, where it goes in safe leaps.
+    """
     out = np.zeros(len(poses), np.bool_)
     box = np.zeros((1, 8))
     box[0, 5], box[0, 6] = body[0], body[1]
-    for k in range(len(poses)):
-        for direction in (1.0, -1.0):
-            for bend in (0.0, 1.0, -1.0):
-                if not out[k]:
-                    curvature = bend / body[4]
-                    out[k] = _is_arc_free(
-                        field, lattice, unit_m, body, poses[k], direction, curvature, box
-                    )
-    return out
-
-
-@compiled
-def _is_arc_free(
-    field: npt.NDArray[np.float32],
-    lattice: _Floats,
-    unit_m: float,
-    body: _Floats,
-    pose: _Floats,
-    direction: float,
-    curvature: float,
-    box: _Floats,
-) -> bool:
-    """Tell whether the box is free at the end of an arc, and along it in safe leaps."""
     steps = int(np.ceil(body[5] / (_HALF_CELL * unit_m)))
     step_m = body[5] / steps
     far_m = np.hypot(abs(body[2]) + body[0], abs(body[3]) + body[1])
-    pace = 1.0 + abs(curvature) * far_m  # of the fastest point of the box
-    if _room_m(field, lattice, unit_m, body, pose, direction * body[5], curvature, box) < 0.0:
-        return False
-    k = 0
-    while k < steps:
-        way_m = direction * k * step_m
-        room_m = _room_m(field, lattice, unit_m, body, pose, way_m, curvature, box)
-        if room_m < 0.0:
-            return False
-        k += max(1, int(room_m / (pace * step_m)))
-    return True
+    for k in range(len(poses)):
+        for arc in range(6):
+            direction = 1.0 if arc < 3 else -1.0
+            curvature = (0.0, 1.0, -1.0)[arc % 3] / body[4]
+            pace = 1.0 + abs(curvature) * far_m  # of the fastest point of the box
+            way_m, step = body[5], -1  # the end comes first
+            while step < steps:
+                room_m = _room_m(
+                    field, lattice, unit_m, body, poses[k], direction * way_m, curvature, box
+                )
+                if room_m < 0.0:
+                    break
+                step = 0 if step < 0 else step + max(1, int(room_m / (pace * step_m)))
+                way_m = step * step_m
+            out[k] = step >= steps
+            if out[k]:
+                break
+    return out
 
 
 @compiled

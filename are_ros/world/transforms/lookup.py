@@ -131,50 +131,6 @@ def pose_in_row(numbers: Floats, row: int) -> Pose:
 
 
 @compiled
-def edge_pose(samples: Integers, numbers: Floats, kind: int, row: int, stamp_ns: int) -> Pose:
-    """Return parent_from_child at the stamp; it is held where the next sample's parent differs.
-
-    Between two samples the translation is linear, the rotation a slerp along the shorter arc.
-    """
-    pose = pose_in_row(numbers, row)
-    stamp = samples[row, STAMP]
-    if kind == STATIC or stamp == stamp_ns:
-        return pose
-    if samples[row, SAMPLE_PARENT] != samples[row + 1, SAMPLE_PARENT]:
-        return pose
-    t = (stamp_ns - stamp) / (samples[row + 1, STAMP] - stamp)
-    x0, y0, z0, i0, j0, k0, w0 = pose
-    x1, y1, z1, i1, j1, k1, w1 = pose_in_row(numbers, row + 1)
-    s = 1.0 - t
-    cosine = i0 * i1 + j0 * j1 + k0 * k1 + w0 * w1
-    gap, sign = 1.0 - abs(cosine), -1.0 if cosine < 0.0 else 1.0
-    if gap < SERIES_REACH:
-        a, b = weight_by_series(s, gap), sign * weight_by_series(t, gap)
-    else:
-        angle = math.acos(abs(cosine))
-        scale = 1.0 / math.sin(angle)
-        a, b = math.sin(s * angle) * scale, sign * math.sin(t * angle) * scale
-    return (
-        s * x0 + t * x1,
-        s * y0 + t * y1,
-        s * z0 + t * z1,
-        a * i0 + b * i1,
-        a * j0 + b * j1,
-        a * k0 + b * k1,
-        a * w0 + b * w1,
-    )
-
-
-@compiled
-def write(pose: Pose, out: Floats) -> None:
-    """Write a pose into `out` (7,), its quaternion normalised."""
-    x, y, z, i, j, k, w = pose
-    scale = 1.0 / math.sqrt(i * i + j * j + k * k + w * w)
-    out[0], out[1], out[2] = x, y, z
-    out[3], out[4], out[5], out[6] = i * scale, j * scale, k * scale, w * scale
-
-
-@compiled
 def _climb(
     samples: Integers, frames: Integers, start: int, stamp_ns: int, hold: bool, path: Integers
 ) -> tuple[int, int]:
@@ -200,18 +156,27 @@ def _climb(
 
 @compiled
 def _joined(
-    up: Integers, up_steps: int, up_status: int, down: Integers, down_steps: int, down_status: int
+    samples: Integers,
+    frames: Integers,
+    ends: tuple[int, int],
+    stamp_ns: int,
+    hold: bool,
+    down: Integers,
+    up: Integers,
 ) -> tuple[int, int, int]:
-    """Return a status, and how many steps up each path the first frame lies that both have.
+    """Climb from `ends`, target and source, until the paths `down` and `up` meet; see `_climb`.
 
-    Where they do not meet, the target's failure (`down`) comes first, as in tf2.
+    Returns a status, and how many steps along `down` and `up` the first frame lies that both have.
+    Where they do not meet, the target's failure comes first, as in tf2.
     """
+    down_steps, down_status = _climb(samples, frames, ends[0], stamp_ns, hold, down)
+    up_steps, up_status = _climb(samples, frames, ends[1], stamp_ns, hold, up)
     if LOOP in (up_status, down_status):
         return LOOP, -1, -1
     for j in range(down_steps + 1):
         for i in range(up_steps + 1):
             if up[0, i] == down[0, j]:
-                return FOUND, i, j
+                return FOUND, j, i
     if down_status != FOUND:
         return int(down_status + STATUSES * down[0, down_steps]), -1, -1
     if up_status != FOUND:
@@ -221,12 +186,42 @@ def _joined(
 
 @compiled
 def _along(samples: Integers, frames: Integers, path: Integers, steps: int, stamp_ns: int) -> Pose:
-    """Return the composed pose of the first `steps` edges of a path: top_from_start."""
+    """Return the composed pose of the first `steps` edges of a path: top_from_start.
+
+    Between two samples of an edge the translation is linear, the rotation a slerp along the shorter
+    arc. Where the next sample has another parent, the pose is held.
+    """
     numbers = samples.view(np.float64)
     pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
     for step in range(steps):
-        kind = frames[path[0, step], KIND]
-        edge = edge_pose(samples, numbers, kind, path[1, step], stamp_ns)
+        row = path[1, step]
+        edge, stamp = pose_in_row(numbers, row), samples[row, STAMP]
+        if (
+            frames[path[0, step], KIND] != STATIC
+            and stamp != stamp_ns
+            and samples[row, SAMPLE_PARENT] == samples[row + 1, SAMPLE_PARENT]
+        ):
+            t = (stamp_ns - stamp) / (samples[row + 1, STAMP] - stamp)
+            x0, y0, z0, i0, j0, k0, w0 = edge
+            x1, y1, z1, i1, j1, k1, w1 = pose_in_row(numbers, row + 1)
+            s = 1.0 - t
+            cosine = i0 * i1 + j0 * j1 + k0 * k1 + w0 * w1
+            gap, sign = 1.0 - abs(cosine), -1.0 if cosine < 0.0 else 1.0
+            if gap < SERIES_REACH:
+                a, b = weight_by_series(s, gap), sign * weight_by_series(t, gap)
+            else:
+                angle = math.acos(abs(cosine))
+                scale = 1.0 / math.sin(angle)
+                a, b = math.sin(s * angle) * scale, sign * math.sin(t * angle) * scale
+            edge = (
+                s * x0 + t * x1,
+                s * y0 + t * y1,
+                s * z0 + t * z1,
+                a * i0 + b * i1,
+                a * j0 + b * j1,
+                a * k0 + b * k1,
+                a * w0 + b * w1,
+            )
         pose = composed(edge, pose)
     return pose
 
@@ -236,17 +231,17 @@ def look_up(
     samples: Integers, frames: Integers, target: int, source: int, stamp_ns: int, out: Floats
 ) -> int:
     """Write target_from_source into `out` (7,), each sample's own parent heeded."""
-    up, down = np.empty((2, frames.shape[0]), np.int64), np.empty((2, frames.shape[0]), np.int64)
-    up_steps, up_status = _climb(samples, frames, source, stamp_ns, False, up)
-    down_steps, down_status = _climb(samples, frames, target, stamp_ns, False, down)
-    status, i, j = _joined(up, up_steps, up_status, down, down_steps, down_status)
+    down, up = np.empty((2, frames.shape[0]), np.int64), np.empty((2, frames.shape[0]), np.int64)
+    status, j, i = _joined(samples, frames, (target, source), stamp_ns, False, down, up)
     if status != FOUND:
         return status
-    top_from_source = _along(samples, frames, up, i, stamp_ns)
-    pose = top_from_source
+    pose = _along(samples, frames, up, i, stamp_ns)
     if j > 0:
         pose = composed(inverted(_along(samples, frames, down, j, stamp_ns)), pose)
-    write(pose, out)
+    out[0], out[1], out[2] = pose[0], pose[1], pose[2]
+    qx, qy, qz, qw = pose[3:]
+    scale = 1.0 / math.sqrt(qx * qx + qy * qy + qz * qz + qw * qw)
+    out[3], out[4], out[5], out[6] = qx * scale, qy * scale, qz * scale, qw * scale
     return FOUND
 
 
@@ -259,12 +254,10 @@ def latest_not_after(
     Each pass takes the chain in force at a limit, and lowers the limit to the newest sample of
     its edges; it ends because a limit is `now` or some edge's newest stamp.
     """
-    up, down = np.empty((2, frames.shape[0]), np.int64), np.empty((2, frames.shape[0]), np.int64)
+    down, up = np.empty((2, frames.shape[0]), np.int64), np.empty((2, frames.shape[0]), np.int64)
     limit = now_ns
     while True:
-        up_steps, up_status = _climb(samples, frames, source, limit, True, up)
-        down_steps, down_status = _climb(samples, frames, target, limit, True, down)
-        status, i, j = _joined(up, up_steps, up_status, down, down_steps, down_status)
+        status, j, i = _joined(samples, frames, (target, source), limit, True, down, up)
         if status != FOUND:
             return status, limit
         lowered = NO_LIMIT

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -11,12 +12,14 @@ from are_ros.agents.local_planner import gaps as _gaps
 from are_ros.agents.local_planner import state as _state
 from are_ros.agents.local_planner import walls as _walls
 from are_ros.agents.local_planner.body import Body
-from are_ros.agents.local_planner.gaps import fill, gather
+from are_ros.agents.local_planner.gaps import fill, find_neighbours
+from are_ros.agents.local_planner.robot import RobotMotion, robot_cost, robot_path
 from are_ros.agents.local_planner.rollouts import bounds_of
 from are_ros.agents.local_planner.state import NEVER
 from are_ros.agents.local_planner.walls import ClearanceLayers
 from are_ros.agents.navigation.terrain import Terrains
 from are_ros.world.boxes import overlaps
+from are_ros.world.footprint import Footprint, signed_distance_m
 from tests.agents.local_planner.streets import (
     CAR,
     PERSON,
@@ -134,6 +137,35 @@ def test_a_path_runs_into_a_wall_where_its_boxes_do(seed: int, body: Body, comfo
     assert kept or wanted <= 0.0 or hasty[1] == NEVER
 
 
+@given(_seeds, st.sampled_from(_BODIES), st.floats(0.05, 0.8))
+def test_the_robot_costs_what_a_look_at_each_sub_step_says(
+    seed: int, body: Body, comfort: float
+) -> None:
+    """Nobody may enter where it is; where it is predicted to be costs, and to be near it, too."""
+    random = np.random.default_rng(seed)
+    path, record = _path(random, 40), _records(body)[0]
+    x, y, yaw = random.uniform(-2.5, 2.5, 3)
+    square = Footprint(np.array([[-0.3, -0.2], [0.3, -0.2], [0.3, 0.2], [-0.3, 0.2]]), 0.05)
+    motion = RobotMotion(square.at(x, y, yaw), x, y, yaw, *random.uniform(-0.8, 0.8, 3))
+    robot, pace = robot_path(motion, 0.05), bounds_of(path, 39, record, 0.05)[0]
+    told = robot_cost(path, 0, 39, record, comfort, robot, pace, np.zeros((1, 8)))
+
+    boxes = boxes_at(path[:, :3], [body] * 40)
+    still = signed_distance_m(motion.footprint, boxes)
+    outlines = [Footprint(robot.outlines[min(k, 30)], 0.05) for k in range(40)]
+    ahead = np.array([signed_distance_m(at, boxes.at(k))[0] for k, at in enumerate(outlines)])
+    least_allowed = min(still[0], 0.01) - _gaps.TOUCH
+    if (still < least_allowed).any():
+        assert told == (math.inf, True)
+        return
+    gap = min(comfort, max(min(still.min(), ahead.min()), 0.0))
+    cost, is_met = 0.6 * (1.0 - gap / comfort), bool((ahead < least_allowed).any())
+    if is_met:
+        cost += 6.0 - 0.05 * int(np.argmax(ahead < least_allowed))
+    assert told[0] == pytest.approx(cost, abs=1e-9)
+    assert told[1] == is_met
+
+
 @given(_seeds, st.sampled_from(_BODIES))
 def test_turning_freely_means_fitting_at_all_headings(seed: int, body: Body) -> None:
     """The disc that a body sweeps is open just if a fine fan of its corner's directions is."""
@@ -163,23 +195,30 @@ def test_discs_cover_the_box() -> None:
 
 
 @given(_seeds, st.integers(1, 60))
-def test_buckets_find_all_that_may_meet_a_square(seed: int, count: int) -> None:
-    """Nobody whose circle meets the square is missed, nobody comes twice, the order is fixed."""
+def test_buckets_find_all_that_may_come_near(seed: int, count: int) -> None:
+    """Nobody whose circle meets the reach is missed, nobody comes twice, with the gap wanted."""
     random = np.random.default_rng(seed)
-    agents = _state.agent_arrays(count, 2)
-    workspace = _state.workspace_of(count, 2)
+    agents = _state.agent_arrays(count, 1)
+    workspace = _state.workspace_of(count, 1)
     squares = np.column_stack((random.uniform(-30, 30, (count, 2)), random.uniform(0.1, 6, count)))
     agents.place["x"], agents.place["y"], agents.place["reach"] = squares.T
+    agents.command["comfort"], agents.body[:] = 0.5, _records(PERSON)
+    agents.path[:, 0, 3] = 1.0
+    agents.path[:, 0, :2] = squares[:, :2] + random.uniform(-0.05, 0.05, (count, 2))
     buckets = fill(squares)
     for me in range(count):
-        found = gather(
-            buckets, tuple(squares[me]), me, agents, workspace.seen, me + 1, workspace.near
-        )
+        pose, reach = agents.path[me, 0].copy(), squares[me, 2]
+        found = find_neighbours(buckets, agents, me, pose, reach, 0, workspace)
         near = workspace.near[:found].tolist()
-        gaps = np.abs(squares[:, :2] - squares[me, :2]).max(axis=1) - squares[:, 2] - squares[me, 2]
+        gaps = np.hypot(*(squares[:, :2] - pose[:2]).T) - squares[:, 2] - reach
         expected = set(np.flatnonzero(gaps < 0.0).tolist()) - {me}
         assert len(near) == len(set(near))
         assert set(near) == expected
+        records = agents.body
+        for other, wanted in zip(near, workspace.wanted, strict=False):
+            gap = _gaps.separation(pose, records[me], agents.path[other, 0], records[other])
+            apart = np.hypot(*(agents.path[other, 0, :2] - pose[:2])) - 2.0 * PERSON.radius_m
+            assert wanted == (min(max(gap, 0.0), 0.5) if apart < 0.5 else 0.5)
 
 
 def test_a_leap_is_never_too_far() -> None:

@@ -188,7 +188,7 @@ def test_the_social_force_is_the_sum_of_its_terms() -> None:
         street.add(one, *pose)
         street.send(one, 11.0, 4.0)
     robot = RobotMotion(Footprint.disc(0.3).at(6.5, 1.5, 0.0), 6.5, 1.5, 0.0, -0.4, 0.1, 0.0)
-    arrays, timing = street.table.arrays, street.table.timing
+    arrays = street.table.arrays
     for row, speed in enumerate((1.1, 0.9, 0.5)):
         arrays.path[row, :, _state.SPEED] = speed
     workspace = _state.workspace_of(3, arrays.path.shape[1])
@@ -196,7 +196,7 @@ def test_the_social_force_is_the_sum_of_its_terms() -> None:
     _, floor = ClearanceLayers(Terrains()).of(street.environment, street.table.heights)
     aim, pose = PlanningGoal(GOING, 0.2, 6.0, 1.35, 1.0, 0.0, ends=False), arrays.path[0, 0]
     path = robot_path(robot, STEP_S)
-    got = _proposals.social_force(arrays, 0, aim, pose, 0, timing, floor, path, workspace, 2)
+    got = _proposals.social_force(arrays, 0, aim, pose, 0, floor, path, workspace, 2)
     heading = np.array([math.cos(0.3), math.sin(0.3)])
     mine, here = 1.1 * heading, np.array(poses[0][:2])
     force = (1.35 * np.array([math.cos(0.2), math.sin(0.2)]) - mine) / _proposals.RELAXATION_S

@@ -20,7 +20,6 @@ from are_ros.agents.mdp.routes import (
     is_settled,
 )
 from are_ros.agents.mdp.value_tables import SWEPT_EPOCHS, ValueTable, ValueTables
-from are_ros.agents.navigation.step_kernels import scratch_of
 from are_ros.agents.navigation.terrain import Terrain
 from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.map_io import read_map_file
@@ -67,7 +66,7 @@ def compare(
     everything, one_plane = ValueArrays(*full), ValueArrays(*least)
     swept = ValueArrays(again, (again.shape[0] - 1, HORIZON), *least[2:])
     (rows, columns), paces = everything.costs.shape, everything.paces.shape[0]
-    kept, bounded, scratch = np.empty((paces, 5)), np.empty((paces, 5)), scratch_of(paces)
+    kept, bounded = np.empty((paces, 5)), np.empty((paces, 5))
     nobody = np.empty((AHEAD, 0, 5))
     for row in range(rows):
         for col in range(columns):
@@ -78,9 +77,9 @@ def compare(
                 holds = is_settled(one_plane, row, col, left, others.shape[0])
                 for heading in range(4):
                     state = (row, col, heading)
-                    action_values(everything, left, anchors_m, others, state, scratch, kept)
+                    action_values(everything, left, anchors_m, others, state, kept)
                     ours = one_plane if holds else swept
-                    action_values(ours, left, anchors_m, others, state, scratch, bounded)
+                    action_values(ours, left, anchors_m, others, state, bounded)
                     counts[0] += 1
                     counts[1] += best_action(kept, heading) != best_action(bounded, heading)
                     counts[2] += (kept != bounded).any()

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from are_ros.agents.mdp import routes as _routes
 from are_ros.agents.mdp.coarse_map import CoarseMap
 from are_ros.agents.mdp.value_tables import ValueTable
-from are_ros.agents.navigation.step_kernels import FADE_M, scratch_of
+from are_ros.agents.navigation.step_kernels import FADE_M
 
 
 class Action(IntEnum):
@@ -58,8 +58,8 @@ def brings_at(
     state: tuple[int, int, int],
 ) -> npt.NDArray[np.float64]:
     """Return what each pace and move brings, (P, 5), in a state of the window, among others."""
-    brings, scratch = np.empty((len(values.paces), 5)), scratch_of(len(values.paces))
-    _routes.action_values(values, epochs_left, coarse.anchors_m, others, state, scratch, brings)
+    brings = np.empty((len(values.paces), 5))
+    _routes.action_values(values, epochs_left, coarse.anchors_m, others, state, brings)
     return brings
 
 

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from are_ros.agents.mdp.coarse_kernels import exact_room
 from are_ros.agents.mdp.coarse_map import CoarseMap
-from are_ros.agents.navigation.local_way import AHEAD, LEAST_M, MARGINS, disc_fits, way_round
+from are_ros.agents.navigation.local_way import AHEAD, LEAST_M, MARGINS, way_round
+from are_ros.agents.navigation.terrain import disc_fits
 from tests.agents.floors import terrain_of, two_rooms
 
 Mask = npt.NDArray[np.bool_]
