@@ -59,10 +59,12 @@ class Tallies(NamedTuple):
 class Scratch(NamedTuple):
     """Room for one tile, with a row for each of N boxes and one more.
 
-    `rays` float32 (3, PIXELS) in the map frame; `depths` float32 (N + 1, PIXELS) is Z_a of the
+    `axes` float32 (3, 3) are the tile's axis in the map frame, its axis and its spread in the
+    lattice; `rays` float32 (3, PIXELS) in the map frame; `depths` float32 (N + 1, PIXELS) is Z_a of the
     boxes in `candidates`, inf where a ray misses and where another artefact hides the box.
     """
 
+    axes: npt.NDArray[np.float32]
     rays: npt.NDArray[np.float32]
     depths: npt.NDArray[np.float32]
     candidates: npt.NDArray[np.int64]
@@ -338,13 +340,14 @@ def render(
     Sums and indices of these loops are kept int32: numba makes int64 of the sum of two int32, and
     then half as many pixels fit into a vector.
     """
+    axis = scratch.axes[0]
     for tile in range(tiles.rays.shape[0]):
-        axis = _turned(map_from_camera, tiles.axes[tile])
-        count = find_candidates(axis, tiles.spreads[tile], boxes, scratch.candidates)
+        spread = tiles.spreads[tile]
+        _turn(map_from_camera, tiles.axes[tile], axis)
+        count = find_candidates(axis, spread, boxes, scratch.candidates)
         if count == 0:
             continue
         _turn_all(map_from_camera, tiles.rays[tile], scratch.rays)
-        spread = tiles.spreads[tile]
         count = measure_boxes(
             tiles.valid[tile],
             boxes,
@@ -358,22 +361,23 @@ def render(
             scratch,
         )
         if count > 1 and mutual:
-            count = hide_behind_others(boxes, tree, axis, tiles.spreads[tile], count, scratch)
+            count = hide_behind_others(boxes, tree, axis, spread, count, scratch)
         if count > 0:
-            _trace_environment(voxels, axis, tiles.spreads[tile], count, scratch)
+            _trace_environment(voxels, axis, spread, count, scratch)
             _tally(tiles.first_pixels[tile], count, tallies, scratch)
 
 
-@compiled
-def _turned(
-    matrix: npt.NDArray[np.float32], vector: npt.NDArray[np.float32]
-) -> npt.NDArray[np.float32]:
-    turned = np.empty(3, dtype=np.float32)
+@inlined
+def _turn(
+    matrix: npt.NDArray[np.float32],
+    vector: npt.NDArray[np.float32],
+    turned: npt.NDArray[np.float32],
+) -> None:
+    """Write a vector (3,), turned by a matrix."""
     for row in range(3):
         turned[row] = (
             matrix[row, 0] * vector[0] + matrix[row, 1] * vector[1] + matrix[row, 2] * vector[2]
         )
-    return turned
 
 
 @inlined
@@ -395,25 +399,23 @@ def _trace_environment(
     voxels: Voxels, axis: npt.NDArray[np.float32], spread: np.float32, count: int, scratch: Scratch
 ) -> None:
     """Fill the environment's depth; inf where no box is so far away, or nothing hides one."""
-    limits, environment, farthest_bits = scratch.limits_m, scratch.environment_m, np.int32(0)
+    environment, limits = scratch.environment_m, scratch.limits_m
+    lattice_axis, spreads = scratch.axes[1], scratch.axes[2]
+    _turn(voxels.lattice_from_map, axis, lattice_axis)
+    for row in range(3):
+        spreads[row] = voxels.voxels_per_m[row] * spread
+    farthest = _farthest(count, scratch) - TIE_M  # what is behind all boxes hides none
+    start = free_cone(voxels.field, voxels.origin, voxels.ignored, lattice_axis, spreads, farthest)
+    if farthest <= start:
+        environment[:] = INFINITE
+        return
     limits[:] = _ZERO
-    for candidate in range(count):  # it matters just before the farthest box of a pixel
+    for candidate in range(count):
         depth = scratch.depths[candidate]
         for pixel in range(PIXELS):
             limit = depth[pixel] - TIE_M
             farther = (limit > limits[pixel]) & (limit < INFINITE)
             limits[pixel] = limit if farther else limits[pixel]
-    bits = limits.view(np.int32)
-    for pixel in range(PIXELS):
-        farthest_bits = max(farthest_bits, bits[pixel])
-    scratch.farthest_m.view(np.int32)[0] = farthest_bits
-    farthest = scratch.farthest_m[0]
-    lattice_axis = _turned(voxels.lattice_from_map, axis)
-    spreads = voxels.voxels_per_m * spread
-    start = free_cone(voxels.field, voxels.origin, voxels.ignored, lattice_axis, spreads, farthest)
-    if farthest <= start:
-        environment[:] = INFINITE
-        return
     _turn_all(voxels.lattice_from_map, scratch.rays, scratch.lattice_rays)
     trace(
         voxels.field,
@@ -424,6 +426,19 @@ def _trace_environment(
         limits,
         environment,
     )
+
+
+@inlined
+def _farthest(count: int, scratch: Scratch) -> np.float32:
+    """Return the greatest Z_a of the candidates [m]; each has at least one."""
+    farthest = np.int32(0)
+    for candidate in range(count):
+        bits = scratch.depths[candidate].view(np.int32)
+        for pixel in range(PIXELS):
+            farthest = max(farthest, bits[pixel] if bits[pixel] < _INFINITE_BITS else np.int32(0))
+    scratch.farthest_m.view(np.int32)[0] = farthest
+    found: np.float32 = scratch.farthest_m[0]
+    return found
 
 
 @inlined

@@ -125,6 +125,7 @@ def _scratch(count: int) -> Scratch:
     """Return room for one tile; one candidate more than boxes, as it is written before counted."""
     rows = aligned(14 + count + 1, PIXELS)  # fourteen of the tile, then a depth per candidate
     return Scratch(
+        axes=np.empty((3, 3), dtype=np.float32),
         rays=rows[:3],
         depths=rows[14:],
         candidates=np.empty(count + 1, dtype=np.int64),
