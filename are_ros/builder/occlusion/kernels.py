@@ -81,6 +81,7 @@ class Scratch(NamedTuple):
 
 
 _ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
 _BEFORE: Final = np.int32(-1)
 _BEYOND: Final = np.int32(TILE)
 """What replaces the column and row of a pixel that does not see the box, before or beyond all."""
@@ -179,14 +180,33 @@ def measure_boxes(
         ox, oy, oz = cameras_m[0, box], cameras_m[1, box], cameras_m[2, box]
         half_x, half_y, half_z = halves_m[0, box], halves_m[1, box], halves_m[2, box]
         depths, met = scratch.depths[kept], np.int32(0)
-        for pixel in range(PIXELS):
-            x, y = rays_x[pixel], rays_y[pixel]
-            dx, dy = cosine * x + sine * y, cosine * y - sine * x
-            ix, iy, iz = inverse(dx), inverse(dy), inverses_z[pixel]
-            near = _enter(ox, oy, oz, ix, iy, iz, half_x, half_y, half_z)
-            hit = (near <= max_range_m) & (valid[pixel] != 0)
-            depths[pixel] = near if hit else INFINITE
-            met = np.int32(met + hit)
+        axis_x, axis_y = cosine * axis[0] + sine * axis[1], cosine * axis[1] - sine * axis[0]
+        if min(abs(axis_x), abs(axis_y), abs(axis[2])) > spread:
+            # no ray turns back along any axis: all meet the same side of each slab first
+            near_x = (-half_x if axis_x > _ZERO else half_x) - ox
+            near_y = (-half_y if axis_y > _ZERO else half_y) - oy
+            near_z = (-half_z if axis[2] > _ZERO else half_z) - oz
+            far_x = (half_x if axis_x > _ZERO else -half_x) - ox
+            far_y = (half_y if axis_y > _ZERO else -half_y) - oy
+            far_z = (half_z if axis[2] > _ZERO else -half_z) - oz
+            for pixel in range(PIXELS):
+                x, y = rays_x[pixel], rays_y[pixel]
+                dx, dy = cosine * x + sine * y, cosine * y - sine * x
+                ix, iy, iz = _ONE / dx, _ONE / dy, inverses_z[pixel]
+                near = max(near_x * ix, near_y * iy, near_z * iz, _ZERO)
+                far = min(far_x * ix, far_y * iy, far_z * iz)
+                hit = (near <= far) & (near <= max_range_m) & (valid[pixel] != 0)
+                depths[pixel] = near if hit else INFINITE
+                met = np.int32(met + hit)
+        else:
+            for pixel in range(PIXELS):
+                x, y = rays_x[pixel], rays_y[pixel]
+                dx, dy = cosine * x + sine * y, cosine * y - sine * x
+                ix, iy, iz = inverse(dx), inverse(dy), inverses_z[pixel]
+                near = _enter(ox, oy, oz, ix, iy, iz, half_x, half_y, half_z)
+                hit = (near <= max_range_m) & (valid[pixel] != 0)
+                depths[pixel] = near if hit else INFINITE
+                met = np.int32(met + hit)
         if by_mesh and met > 0 and boxes.meshes[box] >= 0:
             met = _replace_by_mesh(boxes, tree, box, axis, spread, max_range_m, depths, scratch)
         tallies.unoccluded[box] += met
