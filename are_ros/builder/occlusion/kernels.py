@@ -253,12 +253,37 @@ def hide_behind_others(
     Drop the candidates of which nothing is left, and return how many remain.
 
     Since a shape lies inside its box, or is Z_a itself, none is hidden by its own shape, and one
-    shared nearest surface (the front) serves all. A shape is skipped if Z_a is behind the front, or
-    if no other Z_a is behind it.
+    shared nearest surface (the front) serves all.
+    """
+    depths, front, meshes = scratch.depths, scratch.front_m, 0
+    front[:] = INFINITE
+    for candidate in range(count):
+        if boxes.meshes[scratch.candidates[candidate]] >= 0:
+            meshes += 1
+            continue
+        depth = depths[candidate]
+        for pixel in range(PIXELS):
+            front[pixel] = min(front[pixel], depth[pixel])
+    if meshes > 0:
+        _lower_to_meshes(boxes, tree, axis, spread, count, scratch)
+    return _drop_hidden(count, scratch)
+
+
+@compiled
+def _lower_to_meshes(
+    boxes: Boxes,
+    tree: Tree,
+    axis: npt.NDArray[np.float32],
+    spread: np.float32,
+    count: int,
+    scratch: Scratch,
+) -> None:
+    """Lower the front to the meshes, the nearest box first.
+
+    A mesh is skipped if its box is behind the front, or if no other Z_a is behind its box.
     """
     depths, front, last = scratch.depths, scratch.front_m, scratch.last_m
-    nearest, order = scratch.nearest_bits, scratch.order
-    front[:] = INFINITE
+    nearest, order, meshes = scratch.nearest_bits, scratch.order, 0
     last[:] = -INFINITE
     for candidate in range(count):
         depth, least = depths[candidate], _INFINITE_BITS
@@ -267,22 +292,17 @@ def hide_behind_others(
             higher = (depth[pixel] > last[pixel]) & (depth[pixel] < INFINITE)
             last[pixel] = depth[pixel] if higher else last[pixel]
             least = min(least, bits[pixel])
-        place = candidate
+        if boxes.meshes[scratch.candidates[candidate]] < 0:
+            continue
+        place = meshes
         while place > 0 and nearest[place - 1] > least:  # sort by the least depth in the tile
             nearest[place], order[place] = nearest[place - 1], order[place - 1]
             place -= 1
         nearest[place], order[place] = least, candidate
-    for place in order[:count]:
-        depth = depths[place]
-        if not _matters(depth, last, front):
-            continue
-        box = scratch.candidates[place]
-        if boxes.meshes[box] < 0:
-            for pixel in range(PIXELS):
-                front[pixel] = min(front[pixel], depth[pixel])
-        else:
-            _lower_to_mesh(boxes, tree, box, axis, spread, scratch)
-    return _drop_hidden(count, scratch)
+        meshes += 1
+    for place in order[:meshes]:
+        if _matters(depths[place], last, front):
+            _lower_to_mesh(boxes, tree, scratch.candidates[place], axis, spread, scratch)
 
 
 @inlined
