@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from are_ros._compiled import compiled, inlined
+from are_ros._compiled import borrowing, inlined, owning
 from are_ros.builder.occlusion.meshes import Tree, cast_tile
 from are_ros.builder.occlusion.rays import PIXELS, TILE, Tiles, free_cone, inverse, trace
 
@@ -13,6 +13,13 @@ TIE_M: Final = np.float32(1e-3)
 """Tolerance [m]: a surface nearer by at most this does not hide; else floors would hide boxes."""
 
 INFINITE: Final = np.float32(np.inf)
+
+RUN: Final = 8
+"""Rays side by side, of which the middle one is traced first: what blocks it may block all."""
+_INSIDE: Final = np.float32(0.3)
+"""How far [voxels] behind the hit of that ray the others are looked at."""
+_EDGE: Final = np.float32(0.01)
+"""How near [voxels] a voxel's side a ray is not taken to be in it; rounding is far less."""
 
 
 class Boxes(NamedTuple):
@@ -59,9 +66,10 @@ class Tallies(NamedTuple):
 class Scratch(NamedTuple):
     """Room for one tile, with a row for each of N boxes and one more.
 
-    `axes` float32 (3, 3) are the tile's axis in the map frame, its axis and its spread in the
-    lattice; `rays` float32 (3, PIXELS) in the map frame; `depths` float32 (N + 1, PIXELS) is Z_a of the
-    boxes in `candidates`, inf where a ray misses and where another artefact hides the box.
+    `axes` float32 (3, 3) are the tile's axis in the map frame, its axis in the lattice, and its
+    spread there. `rays` float32 (3, PIXELS) are in the map frame; `depths` float32 (N + 1, PIXELS)
+    is Z_a of the boxes in `candidates`, inf where a ray misses and where another artefact hides
+    the box.
     """
 
     axes: npt.NDArray[np.float32]
@@ -77,6 +85,9 @@ class Scratch(NamedTuple):
     environment_m: npt.NDArray[np.float32]
     lattice_rays: npt.NDArray[np.float32]
     inverses_z: npt.NDArray[np.float32]
+    nearest_m: npt.NDArray[np.float32]
+    guesses: npt.NDArray[np.int32]
+    to_trace: npt.NDArray[np.int64]
     farthest_m: npt.NDArray[np.float32]
 
 
@@ -127,7 +138,7 @@ def find_candidates(
     return count
 
 
-@compiled
+@borrowing
 def _enter(
     ox: np.float32,
     oy: np.float32,
@@ -152,7 +163,7 @@ def _enter(
     return entered
 
 
-@compiled
+@borrowing
 def measure_boxes(
     valid: npt.NDArray[np.uint8],
     boxes: Boxes,
@@ -215,7 +226,7 @@ def measure_boxes(
     return kept
 
 
-@compiled
+@borrowing
 def _replace_by_mesh(
     boxes: Boxes,
     tree: Tree,
@@ -239,7 +250,7 @@ def _replace_by_mesh(
     return found
 
 
-@compiled
+@borrowing
 def hide_behind_others(
     boxes: Boxes,
     tree: Tree,
@@ -269,7 +280,7 @@ def hide_behind_others(
     return _drop_hidden(count, scratch)
 
 
-@compiled
+@borrowing
 def _lower_to_meshes(
     boxes: Boxes,
     tree: Tree,
@@ -336,7 +347,7 @@ def _drop_hidden(count: int, scratch: Scratch) -> int:
     return kept
 
 
-@compiled
+@owning
 def _lower_to_mesh(
     boxes: Boxes,
     tree: Tree,
@@ -362,7 +373,7 @@ def _lower_to_mesh(
     cast_tile(tree, boxes.meshes[box], camera_m, mesh_axis, grown, turned, scratch.front_m)
 
 
-@compiled
+@borrowing
 def render(
     tiles: Tiles,
     map_from_camera: npt.NDArray[np.float32],
@@ -434,38 +445,99 @@ def _turn_all(
             out[pixel] = a * x[pixel] + b * y[pixel] + c * z[pixel]
 
 
-@compiled
+@borrowing
 def _trace_environment(
     voxels: Voxels, axis: npt.NDArray[np.float32], spread: np.float32, count: int, scratch: Scratch
 ) -> None:
-    """Fill the environment's depth; inf where no box is so far away, or nothing hides one."""
-    environment, limits = scratch.environment_m, scratch.limits_m
+    """Fill the environment's depth, as far as it tells what it hides of the candidates.
+
+    It is inf where no box is so far away, or nothing hides one; where a ray is known to be blocked
+    before all boxes, it may be that of another surface behind the first.
+    """
+    environment, limits, rays = scratch.environment_m, scratch.limits_m, scratch.lattice_rays
     lattice_axis, spreads = scratch.axes[1], scratch.axes[2]
     _turn(voxels.lattice_from_map, axis, lattice_axis)
     for row in range(3):
         spreads[row] = voxels.voxels_per_m[row] * spread
     farthest = _farthest(count, scratch) - TIE_M  # what is behind all boxes hides none
-    start = free_cone(voxels.field, voxels.origin, voxels.ignored, lattice_axis, spreads, farthest)
+    field, origin, ignored = voxels.field, voxels.origin, voxels.ignored
+    start = free_cone(field, origin, ignored, lattice_axis, spreads, farthest)
+    environment[:] = INFINITE
     if farthest <= start:
-        environment[:] = INFINITE
         return
+    _turn_all(voxels.lattice_from_map, scratch.rays, rays)
+    limits[:] = farthest
+    for probe in range(PIXELS // RUN):
+        scratch.to_trace[probe] = RUN * probe + RUN // 2
+    probes = scratch.to_trace[: PIXELS // RUN]
+    trace(field, origin, ignored, rays, probes, start, limits, environment)
+    _set_limits(count, scratch)
+    _guess_from_probes(voxels, scratch)
+    rest = scratch.to_trace[: _without_the_blocked(voxels, scratch)]
+    trace(field, origin, ignored, rays, rest, start, limits, environment)
+
+
+@inlined
+def _set_limits(count: int, scratch: Scratch) -> None:
+    """Write just before which depths the environment hides a box, and hides all, at each pixel.
+
+    Where there is no box, that is 0 and inf.
+    """
+    limits, nearest = scratch.limits_m, scratch.nearest_m
     limits[:] = _ZERO
+    nearest[:] = INFINITE
     for candidate in range(count):
         depth = scratch.depths[candidate]
         for pixel in range(PIXELS):
             limit = depth[pixel] - TIE_M
             farther = (limit > limits[pixel]) & (limit < INFINITE)
             limits[pixel] = limit if farther else limits[pixel]
-    _turn_all(voxels.lattice_from_map, scratch.rays, scratch.lattice_rays)
-    trace(
-        voxels.field,
-        voxels.origin,
-        voxels.ignored,
-        scratch.lattice_rays,
-        start,
-        limits,
-        environment,
-    )
+            nearest[pixel] = min(nearest[pixel], limit)
+
+
+@inlined
+def _guess_from_probes(voxels: Voxels, scratch: Scratch) -> None:
+    """Write for each ray in which voxel it may be blocked: a little behind what its probe has met.
+
+    -1 if that is not before all boxes there, or so near the voxel's side that rounding could put it
+    into the next voxel. The environment's depth becomes that of the guess.
+    """
+    rays, depths, guesses = scratch.lattice_rays, scratch.environment_m, scratch.guesses
+    x, y, z = rays[0], rays[1], rays[2]
+    ox, oy, oz = voxels.origin[0], voxels.origin[1], voxels.origin[2]
+    rows, columns = np.int32(voxels.field.shape[1]), np.int32(voxels.field.shape[2])
+    layers, per_m = np.int32(voxels.field.shape[0]), voxels.voxels_per_m
+    inside_m = _INSIDE / max(per_m[0], per_m[1], per_m[2])
+    for first in range(0, PIXELS, RUN):
+        guess_m = depths[first + RUN // 2] + inside_m
+        for pixel in range(first, first + RUN):
+            depths[pixel] = guess_m
+    for pixel in range(PIXELS):
+        is_before = depths[pixel] < scratch.nearest_m[pixel] - TIE_M
+        t = depths[pixel] if is_before else _ZERO
+        at_x, at_y, at_z = ox + t * x[pixel], oy + t * y[pixel], oz + t * z[pixel]
+        i, j, k = np.int32(at_x), np.int32(at_y), np.int32(at_z)
+        u, v, w = at_x - np.float32(i), at_y - np.float32(j), at_z - np.float32(k)
+        is_within = (min(u, v, w) > _EDGE) & (max(u, v, w) < _ONE - _EDGE)
+        is_within &= (i < rows) & (j < columns) & (k < layers)
+        index = np.int32((k * rows + i) * columns + j)
+        guesses[pixel] = index if is_before & is_within else np.int32(-1)
+
+
+@inlined
+def _without_the_blocked(voxels: Voxels, scratch: Scratch) -> int:
+    """List the rays that are still to be traced; return how many.
+
+    What blocks the others hides all boxes there, so its depth may stay a guess.
+    """
+    flat, own = voxels.field.reshape(-1), np.int32(voxels.ignored)
+    guesses, limits, to_trace, count = scratch.guesses, scratch.limits_m, scratch.to_trace, 0
+    for pixel in range(PIXELS):
+        guess = guesses[pixel]
+        is_free = (guess < 0) | (guess == own) | (flat[max(guess, np.int32(0))] != 0)
+        to_trace[count] = pixel
+        count += is_free & (limits[pixel] > _ZERO)
+    return count
 
 
 @inlined
