@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from are_ros._compiled import compiled, inlined
+from are_ros._compiled import borrowing, inlined, owning
 from are_ros.builder.occlusion.meshes import Tree, cast_tile
 from are_ros.builder.occlusion.rays import PIXELS, TILE, Tiles, free_cone, inverse, trace
 
@@ -13,6 +13,13 @@ TIE_M: Final = np.float32(1e-3)
 """Tolerance [m]: a surface nearer by at most this does not hide; else floors would hide boxes."""
 
 INFINITE: Final = np.float32(np.inf)
+
+RUN: Final = 8
+"""Rays side by side, of which the middle one is traced first: what blocks it may block all."""
+_INSIDE: Final = np.float32(0.3)
+"""How far [voxels] behind the hit of that ray the others are looked at."""
+_EDGE: Final = np.float32(0.01)
+"""How near [voxels] a voxel's side a ray is not taken to be in it; rounding is far less."""
 
 
 class Boxes(NamedTuple):
@@ -59,10 +66,13 @@ class Tallies(NamedTuple):
 class Scratch(NamedTuple):
     """Room for one tile, with a row for each of N boxes and one more.
 
-    `rays` float32 (3, PIXELS) in the map frame; `depths` float32 (N + 1, PIXELS) is Z_a of the
-    boxes in `candidates`, inf where a ray misses and where another artefact hides the box.
+    `axes` float32 (3, 3) are the tile's axis in the map frame, its axis in the lattice, and its
+    spread there. `rays` float32 (3, PIXELS) are in the map frame; `depths` float32 (N + 1, PIXELS)
+    is Z_a of the boxes in `candidates`, inf where a ray misses and where another artefact hides
+    the box.
     """
 
+    axes: npt.NDArray[np.float32]
     rays: npt.NDArray[np.float32]
     depths: npt.NDArray[np.float32]
     candidates: npt.NDArray[np.int64]
@@ -75,10 +85,14 @@ class Scratch(NamedTuple):
     environment_m: npt.NDArray[np.float32]
     lattice_rays: npt.NDArray[np.float32]
     inverses_z: npt.NDArray[np.float32]
+    nearest_m: npt.NDArray[np.float32]
+    guesses: npt.NDArray[np.int32]
+    to_trace: npt.NDArray[np.int64]
     farthest_m: npt.NDArray[np.float32]
 
 
 _ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
 _BEFORE: Final = np.int32(-1)
 _BEYOND: Final = np.int32(TILE)
 """What replaces the column and row of a pixel that does not see the box, before or beyond all."""
@@ -124,7 +138,7 @@ def find_candidates(
     return count
 
 
-@compiled
+@borrowing
 def _enter(
     ox: np.float32,
     oy: np.float32,
@@ -149,7 +163,7 @@ def _enter(
     return entered
 
 
-@compiled
+@borrowing
 def measure_boxes(
     valid: npt.NDArray[np.uint8],
     boxes: Boxes,
@@ -177,14 +191,33 @@ def measure_boxes(
         ox, oy, oz = cameras_m[0, box], cameras_m[1, box], cameras_m[2, box]
         half_x, half_y, half_z = halves_m[0, box], halves_m[1, box], halves_m[2, box]
         depths, met = scratch.depths[kept], np.int32(0)
-        for pixel in range(PIXELS):
-            x, y = rays_x[pixel], rays_y[pixel]
-            dx, dy = cosine * x + sine * y, cosine * y - sine * x
-            ix, iy, iz = inverse(dx), inverse(dy), inverses_z[pixel]
-            near = _enter(ox, oy, oz, ix, iy, iz, half_x, half_y, half_z)
-            hit = (near <= max_range_m) & (valid[pixel] != 0)
-            depths[pixel] = near if hit else INFINITE
-            met = np.int32(met + hit)
+        axis_x, axis_y = cosine * axis[0] + sine * axis[1], cosine * axis[1] - sine * axis[0]
+        if min(abs(axis_x), abs(axis_y), abs(axis[2])) > spread:
+            # no ray turns back along any axis: all meet the same side of each slab first
+            near_x = (-half_x if axis_x > _ZERO else half_x) - ox
+            near_y = (-half_y if axis_y > _ZERO else half_y) - oy
+            near_z = (-half_z if axis[2] > _ZERO else half_z) - oz
+            far_x = (half_x if axis_x > _ZERO else -half_x) - ox
+            far_y = (half_y if axis_y > _ZERO else -half_y) - oy
+            far_z = (half_z if axis[2] > _ZERO else -half_z) - oz
+            for pixel in range(PIXELS):
+                x, y = rays_x[pixel], rays_y[pixel]
+                dx, dy = cosine * x + sine * y, cosine * y - sine * x
+                ix, iy, iz = _ONE / dx, _ONE / dy, inverses_z[pixel]
+                near = max(near_x * ix, near_y * iy, near_z * iz, _ZERO)
+                far = min(far_x * ix, far_y * iy, far_z * iz)
+                hit = (near <= far) & (near <= max_range_m) & (valid[pixel] != 0)
+                depths[pixel] = near if hit else INFINITE
+                met = np.int32(met + hit)
+        else:
+            for pixel in range(PIXELS):
+                x, y = rays_x[pixel], rays_y[pixel]
+                dx, dy = cosine * x + sine * y, cosine * y - sine * x
+                ix, iy, iz = inverse(dx), inverse(dy), inverses_z[pixel]
+                near = _enter(ox, oy, oz, ix, iy, iz, half_x, half_y, half_z)
+                hit = (near <= max_range_m) & (valid[pixel] != 0)
+                depths[pixel] = near if hit else INFINITE
+                met = np.int32(met + hit)
         if by_mesh and met > 0 and boxes.meshes[box] >= 0:
             met = _replace_by_mesh(boxes, tree, box, axis, spread, max_range_m, depths, scratch)
         tallies.unoccluded[box] += met
@@ -193,7 +226,7 @@ def measure_boxes(
     return kept
 
 
-@compiled
+@borrowing
 def _replace_by_mesh(
     boxes: Boxes,
     tree: Tree,
@@ -217,7 +250,7 @@ def _replace_by_mesh(
     return found
 
 
-@compiled
+@borrowing
 def hide_behind_others(
     boxes: Boxes,
     tree: Tree,
@@ -231,12 +264,37 @@ def hide_behind_others(
     Drop the candidates of which nothing is left, and return how many remain.
 
     Since a shape lies inside its box, or is Z_a itself, none is hidden by its own shape, and one
-    shared nearest surface (the front) serves all. A shape is skipped if Z_a is behind the front, or
-    if no other Z_a is behind it.
+    shared nearest surface (the front) serves all.
+    """
+    depths, front, meshes = scratch.depths, scratch.front_m, 0
+    front[:] = INFINITE
+    for candidate in range(count):
+        if boxes.meshes[scratch.candidates[candidate]] >= 0:
+            meshes += 1
+            continue
+        depth = depths[candidate]
+        for pixel in range(PIXELS):
+            front[pixel] = min(front[pixel], depth[pixel])
+    if meshes > 0:
+        _lower_to_meshes(boxes, tree, axis, spread, count, scratch)
+    return _drop_hidden(count, scratch)
+
+
+@borrowing
+def _lower_to_meshes(
+    boxes: Boxes,
+    tree: Tree,
+    axis: npt.NDArray[np.float32],
+    spread: np.float32,
+    count: int,
+    scratch: Scratch,
+) -> None:
+    """Lower the front to the meshes, the nearest box first.
+
+    A mesh is skipped if its box is behind the front, or if no other Z_a is behind its box.
     """
     depths, front, last = scratch.depths, scratch.front_m, scratch.last_m
-    nearest, order = scratch.nearest_bits, scratch.order
-    front[:] = INFINITE
+    nearest, order, meshes = scratch.nearest_bits, scratch.order, 0
     last[:] = -INFINITE
     for candidate in range(count):
         depth, least = depths[candidate], _INFINITE_BITS
@@ -245,22 +303,17 @@ def hide_behind_others(
             higher = (depth[pixel] > last[pixel]) & (depth[pixel] < INFINITE)
             last[pixel] = depth[pixel] if higher else last[pixel]
             least = min(least, bits[pixel])
-        place = candidate
+        if boxes.meshes[scratch.candidates[candidate]] < 0:
+            continue
+        place = meshes
         while place > 0 and nearest[place - 1] > least:  # sort by the least depth in the tile
             nearest[place], order[place] = nearest[place - 1], order[place - 1]
             place -= 1
         nearest[place], order[place] = least, candidate
-    for place in order[:count]:
-        depth = depths[place]
-        if not _matters(depth, last, front):
-            continue
-        box = scratch.candidates[place]
-        if boxes.meshes[box] < 0:
-            for pixel in range(PIXELS):
-                front[pixel] = min(front[pixel], depth[pixel])
-        else:
-            _lower_to_mesh(boxes, tree, box, axis, spread, scratch)
-    return _drop_hidden(count, scratch)
+        meshes += 1
+    for place in order[:meshes]:
+        if _matters(depths[place], last, front):
+            _lower_to_mesh(boxes, tree, scratch.candidates[place], axis, spread, scratch)
 
 
 @inlined
@@ -294,7 +347,7 @@ def _drop_hidden(count: int, scratch: Scratch) -> int:
     return kept
 
 
-@compiled
+@owning
 def _lower_to_mesh(
     boxes: Boxes,
     tree: Tree,
@@ -320,7 +373,7 @@ def _lower_to_mesh(
     cast_tile(tree, boxes.meshes[box], camera_m, mesh_axis, grown, turned, scratch.front_m)
 
 
-@compiled
+@borrowing
 def render(
     tiles: Tiles,
     map_from_camera: npt.NDArray[np.float32],
@@ -338,13 +391,14 @@ def render(
     Sums and indices of these loops are kept int32: numba makes int64 of the sum of two int32, and
     then half as many pixels fit into a vector.
     """
+    axis = scratch.axes[0]
     for tile in range(tiles.rays.shape[0]):
-        axis = _turned(map_from_camera, tiles.axes[tile])
-        count = find_candidates(axis, tiles.spreads[tile], boxes, scratch.candidates)
+        spread = tiles.spreads[tile]
+        _turn(map_from_camera, tiles.axes[tile], axis)
+        count = find_candidates(axis, spread, boxes, scratch.candidates)
         if count == 0:
             continue
         _turn_all(map_from_camera, tiles.rays[tile], scratch.rays)
-        spread = tiles.spreads[tile]
         count = measure_boxes(
             tiles.valid[tile],
             boxes,
@@ -358,22 +412,23 @@ def render(
             scratch,
         )
         if count > 1 and mutual:
-            count = hide_behind_others(boxes, tree, axis, tiles.spreads[tile], count, scratch)
+            count = hide_behind_others(boxes, tree, axis, spread, count, scratch)
         if count > 0:
-            _trace_environment(voxels, axis, tiles.spreads[tile], count, scratch)
+            _trace_environment(voxels, axis, spread, count, scratch)
             _tally(tiles.first_pixels[tile], count, tallies, scratch)
 
 
-@compiled
-def _turned(
-    matrix: npt.NDArray[np.float32], vector: npt.NDArray[np.float32]
-) -> npt.NDArray[np.float32]:
-    turned = np.empty(3, dtype=np.float32)
+@inlined
+def _turn(
+    matrix: npt.NDArray[np.float32],
+    vector: npt.NDArray[np.float32],
+    turned: npt.NDArray[np.float32],
+) -> None:
+    """Write a vector (3,), turned by a matrix."""
     for row in range(3):
         turned[row] = (
             matrix[row, 0] * vector[0] + matrix[row, 1] * vector[1] + matrix[row, 2] * vector[2]
         )
-    return turned
 
 
 @inlined
@@ -390,40 +445,112 @@ def _turn_all(
             out[pixel] = a * x[pixel] + b * y[pixel] + c * z[pixel]
 
 
-@compiled
+@borrowing
 def _trace_environment(
     voxels: Voxels, axis: npt.NDArray[np.float32], spread: np.float32, count: int, scratch: Scratch
 ) -> None:
-    """Fill the environment's depth; inf where no box is so far away, or nothing hides one."""
-    limits, environment, farthest_bits = scratch.limits_m, scratch.environment_m, np.int32(0)
+    """Fill the environment's depth, as far as it tells what it hides of the candidates.
+
+    It is inf where no box is so far away, or nothing hides one; where a ray is known to be blocked
+    before all boxes, it may be that of another surface behind the first.
+    """
+    environment, limits, rays = scratch.environment_m, scratch.limits_m, scratch.lattice_rays
+    lattice_axis, spreads = scratch.axes[1], scratch.axes[2]
+    _turn(voxels.lattice_from_map, axis, lattice_axis)
+    for row in range(3):
+        spreads[row] = voxels.voxels_per_m[row] * spread
+    farthest = _farthest(count, scratch) - TIE_M  # what is behind all boxes hides none
+    field, origin, ignored = voxels.field, voxels.origin, voxels.ignored
+    start = free_cone(field, origin, ignored, lattice_axis, spreads, farthest)
+    environment[:] = INFINITE
+    if farthest <= start:
+        return
+    _turn_all(voxels.lattice_from_map, scratch.rays, rays)
+    limits[:] = farthest
+    for probe in range(PIXELS // RUN):
+        scratch.to_trace[probe] = RUN * probe + RUN // 2
+    probes = scratch.to_trace[: PIXELS // RUN]
+    trace(field, origin, ignored, rays, probes, start, limits, environment)
+    _set_limits(count, scratch)
+    _guess_from_probes(voxels, scratch)
+    rest = scratch.to_trace[: _without_the_blocked(voxels, scratch)]
+    trace(field, origin, ignored, rays, rest, start, limits, environment)
+
+
+@inlined
+def _set_limits(count: int, scratch: Scratch) -> None:
+    """Write just before which depths the environment hides a box, and hides all, at each pixel.
+
+    Where there is no box, that is 0 and inf.
+    """
+    limits, nearest = scratch.limits_m, scratch.nearest_m
     limits[:] = _ZERO
-    for candidate in range(count):  # it matters just before the farthest box of a pixel
+    nearest[:] = INFINITE
+    for candidate in range(count):
         depth = scratch.depths[candidate]
         for pixel in range(PIXELS):
             limit = depth[pixel] - TIE_M
             farther = (limit > limits[pixel]) & (limit < INFINITE)
             limits[pixel] = limit if farther else limits[pixel]
-    bits = limits.view(np.int32)
+            nearest[pixel] = min(nearest[pixel], limit)
+
+
+@inlined
+def _guess_from_probes(voxels: Voxels, scratch: Scratch) -> None:
+    """Write for each ray in which voxel it may be blocked: a little behind what its probe has met.
+
+    -1 if that is not before all boxes there, or so near the voxel's side that rounding could put it
+    into the next voxel. The environment's depth becomes that of the guess.
+    """
+    rays, depths, guesses = scratch.lattice_rays, scratch.environment_m, scratch.guesses
+    x, y, z = rays[0], rays[1], rays[2]
+    ox, oy, oz = voxels.origin[0], voxels.origin[1], voxels.origin[2]
+    rows, columns = np.int32(voxels.field.shape[1]), np.int32(voxels.field.shape[2])
+    layers, per_m = np.int32(voxels.field.shape[0]), voxels.voxels_per_m
+    inside_m = _INSIDE / max(per_m[0], per_m[1], per_m[2])
+    for first in range(0, PIXELS, RUN):
+        guess_m = depths[first + RUN // 2] + inside_m
+        for pixel in range(first, first + RUN):
+            depths[pixel] = guess_m
     for pixel in range(PIXELS):
-        farthest_bits = max(farthest_bits, bits[pixel])
-    scratch.farthest_m.view(np.int32)[0] = farthest_bits
-    farthest = scratch.farthest_m[0]
-    lattice_axis = _turned(voxels.lattice_from_map, axis)
-    spreads = voxels.voxels_per_m * spread
-    start = free_cone(voxels.field, voxels.origin, voxels.ignored, lattice_axis, spreads, farthest)
-    if farthest <= start:
-        environment[:] = INFINITE
-        return
-    _turn_all(voxels.lattice_from_map, scratch.rays, scratch.lattice_rays)
-    trace(
-        voxels.field,
-        voxels.origin,
-        voxels.ignored,
-        scratch.lattice_rays,
-        start,
-        limits,
-        environment,
-    )
+        is_before = depths[pixel] < scratch.nearest_m[pixel] - TIE_M
+        t = depths[pixel] if is_before else _ZERO
+        at_x, at_y, at_z = ox + t * x[pixel], oy + t * y[pixel], oz + t * z[pixel]
+        i, j, k = np.int32(at_x), np.int32(at_y), np.int32(at_z)
+        u, v, w = at_x - np.float32(i), at_y - np.float32(j), at_z - np.float32(k)
+        is_within = (min(u, v, w) > _EDGE) & (max(u, v, w) < _ONE - _EDGE)
+        is_within &= (i < rows) & (j < columns) & (k < layers)
+        index = np.int32((k * rows + i) * columns + j)
+        guesses[pixel] = index if is_before & is_within else np.int32(-1)
+
+
+@inlined
+def _without_the_blocked(voxels: Voxels, scratch: Scratch) -> int:
+    """List the rays that are still to be traced; return how many.
+
+    What blocks the others hides all boxes there, so its depth may stay a guess.
+    """
+    flat, own = voxels.field.reshape(-1), np.int32(voxels.ignored)
+    guesses, limits, to_trace, count = scratch.guesses, scratch.limits_m, scratch.to_trace, 0
+    for pixel in range(PIXELS):
+        guess = guesses[pixel]
+        is_free = (guess < 0) | (guess == own) | (flat[max(guess, np.int32(0))] != 0)
+        to_trace[count] = pixel
+        count += is_free & (limits[pixel] > _ZERO)
+    return count
+
+
+@inlined
+def _farthest(count: int, scratch: Scratch) -> np.float32:
+    """Return the greatest Z_a of the candidates [m]; each has at least one."""
+    farthest = np.int32(0)
+    for candidate in range(count):
+        bits = scratch.depths[candidate].view(np.int32)
+        for pixel in range(PIXELS):
+            farthest = max(farthest, bits[pixel] if bits[pixel] < _INFINITE_BITS else np.int32(0))
+    scratch.farthest_m.view(np.int32)[0] = farthest
+    found: np.float32 = scratch.farthest_m[0]
+    return found
 
 
 @inlined

@@ -263,6 +263,9 @@ class MeshPool:
         return len(self.tree[2])
 
 
+_NO_MESHES: Final = MeshPool.of([])
+
+
 @dataclass(frozen=True, eq=False)
 class MeshSelection:
     """Which mesh of a pool stands in each box: `indices` int64 (N,), -1 where the box itself does.
@@ -286,7 +289,7 @@ class MeshSelection:
     @classmethod
     def boxes_only(cls, count: int) -> "MeshSelection":
         """Return a selection in which every one of `count` boxes is its own shape."""
-        return cls(MeshPool.of([]), np.full(count, -1, dtype=np.int64))
+        return cls(_NO_MESHES, np.full(count, -1, dtype=np.int64))
 
 
 def _tree(

@@ -2,13 +2,14 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
 
-from are_ros._compiled import compiled, inlined
+from are_ros._compiled import borrowing, inlined, owning
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_map import VoxelMap
 
@@ -171,39 +172,42 @@ _STEP: Final = np.int32(1)
 _INFINITE: Final = np.float32(np.inf)
 
 
-@compiled
+@owning
 def trace(
     field: npt.NDArray[np.uint8],
     origin: npt.NDArray[np.float32],
     ignored: int,
     directions: npt.NDArray[np.float32],
+    which: npt.NDArray[np.int64],
     start_m: np.float32,
     limits_m: npt.NDArray[np.float32],
     hits_m: npt.NDArray[np.float32],
 ) -> None:
-    """Write the first hit of each ray, from `start_m` on and below its limit [m], else inf.
+    """Write the first hit of some rays, from `start_m` on and below their limit [m], else inf.
 
     `field` is `chessboard_distance`; `origin` (3,) [voxels] is common to all rays; `directions`
-    (3, N) [voxels/m] are unit vectors in metres, turned and scaled into the lattice. The voxel with
-    flat index `ignored` (-1: none) counts as free: the one that the sensor itself stands in.
+    (3, N) [voxels/m] are unit vectors in metres, turned and scaled into the lattice; `which` (K,)
+    are the rays to trace, and the hits (N,) of others stay. The voxel with flat index `ignored`
+    (-1: none) counts as free: the one that the sensor itself stands in.
     """
     integers = np.empty(INTEGERS, dtype=np.int32)
     floats = np.empty(FLOATS, dtype=np.float32)
     flat = field.reshape(-1)
-    for first in range(0, hits_m.size, LANES):
-        count = min(LANES, hits_m.size - first)
+    for first in range(0, which.size, LANES):
+        count = min(LANES, which.size - first)
         floats[_END:] = -_INFINITE
         for lane in range(count):
-            floats[_DX + lane] = directions[0, first + lane]
-            floats[_DY + lane] = directions[1, first + lane]
-            floats[_DZ + lane] = directions[2, first + lane]
-            floats[_END + lane] = limits_m[first + lane]
+            ray = which[first + lane]
+            floats[_DX + lane] = directions[0, ray]
+            floats[_DY + lane] = directions[1, ray]
+            floats[_DZ + lane] = directions[2, ray]
+            floats[_END + lane] = limits_m[ray]
         _begin(field.shape, origin, start_m, integers, floats)
         while _leap(flat, field.shape, origin, ignored, integers, floats):
             pass
         for lane in range(count):
             hit = integers[_FREE + lane] == 0
-            hits_m[first + lane] = floats[_AT + lane] if hit else _INFINITE
+            hits_m[which[first + lane]] = floats[_AT + lane] if hit else _INFINITE
 
 
 @inlined
@@ -243,7 +247,7 @@ def _begin(
         floats[_AT + lane] = at if enters else _INFINITE
 
 
-@compiled
+@borrowing
 def inverse(component: Any) -> Any:
     """Return 1 / component, float32 or float64, finite also for zero."""
     return _ONE / (component if abs(component) > _TINY else _TINY)
@@ -305,7 +309,7 @@ def _leap(
     return bool(moving > 0)
 
 
-@compiled
+@borrowing
 def free_cone(
     field: npt.NDArray[np.uint8],
     origin: npt.NDArray[np.float32],
@@ -393,10 +397,20 @@ class VoxelField:
         These are the origin (3,) [voxels], the flat index of the voxel to ignore (-1: none), and
         the matrix (3, 3) from directions in the map frame to voxels per metre.
         """
+        matrix, rounded = self._matrices
+        origin = (matrix @ (origin_m - self.map_from_lattice.translation_m)).astype(np.float32)
+        return origin, self._occupied_at(origin), rounded
+
+    @cached_property
+    def voxels_per_m(self) -> npt.NDArray[np.float32]:
+        """The reciprocals of the voxel's sizes, float32 (3,) [1/m]."""
+        return (1.0 / np.array(self.voxel_size_m)).astype(np.float32)
+
+    @cached_property
+    def _matrices(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float32]]:
         lattice_from_map = np.ascontiguousarray(self.map_from_lattice.rotation_matrix().T)
         matrix = lattice_from_map / np.array(self.voxel_size_m)[:, np.newaxis]
-        origin = (matrix @ (origin_m - self.map_from_lattice.translation_m)).astype(np.float32)
-        return origin, self._occupied_at(origin), matrix.astype(np.float32)
+        return matrix, matrix.astype(np.float32)
 
     def _occupied_at(self, origin: npt.NDArray[np.float32]) -> int:
         x, y, z = (math.floor(value) for value in origin.tolist())
@@ -421,7 +435,8 @@ class VoxelField:
         limit = np.nextafter(np.float32(max_range_m), np.float32(np.inf))
         limits = np.where(np.any(rays != 0.0, axis=0), limit, np.float32(-1.0))
         hits = np.empty(rays.shape[1], dtype=np.float32)
-        trace(self.distances, origin, ignored, rays, np.float32(0.0), limits, hits)
+        which = np.arange(len(hits))
+        trace(self.distances, origin, ignored, rays, which, np.float32(0.0), limits, hits)
         return hits
 
 

@@ -6,12 +6,15 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from are_ros._compiled import compiled
 from are_ros.builder.occlusion.kernels import Boxes, Scratch, Tallies, Voxels, render
 from are_ros.builder.occlusion.meshes import MeshSelection
 from are_ros.builder.occlusion.rays import PIXELS, TiledRays, VoxelField, aligned
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.cameras import ViewModel
 from are_ros.world.rigid_transform import RigidTransform
+
+_Floats = npt.NDArray[np.float32]
 
 _FARTHEST_M: Final = 1e30
 """In place of an endless range: misses are at infinity, and stay beyond it."""
@@ -88,33 +91,40 @@ def boxes_seen_from(
     camera_m: npt.NDArray[np.float64], boxes: OrientedBoxes, meshes: npt.NDArray[np.int64]
 ) -> Boxes:
     """Return the boxes as seen from the camera; differences are taken before rounding."""
-    apart = camera_m - boxes.centres_m
-    cosine, sine = np.cos(boxes.yaws_rad), np.sin(boxes.yaws_rad)
-    cameras = np.stack(
-        (
-            cosine * apart[:, 0] + sine * apart[:, 1],
-            cosine * apart[:, 1] - sine * apart[:, 0],
-            apart[:, 2],
+    return Boxes(*_seen_from(camera_m, boxes.packed), meshes)
+
+
+@compiled
+def _seen_from(
+    camera_m: npt.NDArray[np.float64], packed: npt.NDArray[np.float64]
+) -> tuple[_Floats, _Floats, _Floats, _Floats]:
+    """Return cameras, turns, halves and the distance of the farthest corner, as in `Boxes`."""
+    count = packed.shape[0]
+    cameras, turns = np.empty((3, count), np.float32), np.empty((2, count), np.float32)
+    halves, far = np.empty((3, count), np.float32), np.empty(count, np.float32)
+    for box in range(count):
+        x_m, y_m = camera_m[0] - packed[box, 0], camera_m[1] - packed[box, 1]
+        z_m, cosine, sine = camera_m[2] - packed[box, 2], packed[box, 3], packed[box, 4]
+        a_m, b_m, c_m = packed[box, 5], packed[box, 6], packed[box, 7]
+        cameras[0, box] = cosine * x_m + sine * y_m
+        cameras[1, box] = cosine * y_m - sine * x_m
+        cameras[2, box] = z_m
+        turns[0, box], turns[1, box] = cosine, sine
+        halves[0, box], halves[1, box], halves[2, box] = a_m, b_m, c_m
+        far[box] = np.sqrt(x_m * x_m + y_m * y_m + z_m * z_m) + np.sqrt(
+            a_m * a_m + b_m * b_m + c_m * c_m
         )
-    )
-    far = np.linalg.norm(apart, axis=1) + np.linalg.norm(boxes.half_sizes_m, axis=1)
-    return Boxes(
-        cameras.astype(np.float32),
-        np.stack((cosine, sine)).astype(np.float32),
-        np.ascontiguousarray(boxes.half_sizes_m.T, dtype=np.float32),
-        far.astype(np.float32),
-        meshes,
-    )
+    return cameras, turns, halves, far
 
 
 def _voxels(camera_m: npt.NDArray[np.float64], environment: VoxelField) -> Voxels:
     origin, ignored, matrix = environment.lattice_rays(camera_m)
-    per_m = (1.0 / np.array(environment.voxel_size_m)).astype(np.float32)
-    return Voxels(environment.distances, origin, ignored, matrix, per_m)
+    return Voxels(environment.distances, origin, ignored, matrix, environment.voxels_per_m)
 
 
 def _empty_tallies(count: int) -> Tallies:
-    bounds = np.tile(np.array((2**31, 2**31, -1, -1), dtype=np.int64), (count, 1))
+    bounds = np.empty((count, 4), dtype=np.int64)
+    bounds[:, :2], bounds[:, 2:] = 2**31, -1
     nearest = np.full(count, np.inf, dtype=np.float32)
     return Tallies(
         np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64), bounds, nearest
@@ -123,10 +133,11 @@ def _empty_tallies(count: int) -> Tallies:
 
 def _scratch(count: int) -> Scratch:
     """Return room for one tile; one candidate more than boxes, as it is written before counted."""
-    rows = aligned(14 + count + 1, PIXELS)  # fourteen of the tile, then a depth per candidate
+    rows = aligned(16 + count + 1, PIXELS)  # sixteen of the tile, then a depth per candidate
     return Scratch(
+        axes=np.empty((3, 3), dtype=np.float32),
         rays=rows[:3],
-        depths=rows[14:],
+        depths=rows[16:],
         candidates=np.empty(count + 1, dtype=np.int64),
         nearest_bits=np.empty(count + 1, dtype=np.int32),
         order=np.empty(count + 1, dtype=np.int64),
@@ -137,16 +148,17 @@ def _scratch(count: int) -> Scratch:
         environment_m=rows[9],
         lattice_rays=rows[10:13],
         inverses_z=rows[13],
+        nearest_m=rows[14],
+        guesses=rows[15].view(np.int32),
+        to_trace=np.empty(PIXELS + 1, dtype=np.int64),
         farthest_m=np.empty(1, dtype=np.float32),
     )
 
 
 def _visibility(tallies: Tallies) -> Visibility:
-    seen = tallies.visible > 0
-    rois = np.zeros((len(seen), 4), dtype=np.int64)
-    rois[:, :2] = tallies.bounds[:, :2]
-    rois[:, 2:] = tallies.bounds[:, 2:] - tallies.bounds[:, :2] + 1
-    rois[~seen] = 0
+    rois = tallies.bounds
+    rois[:, 2:] += 1 - rois[:, :2]
+    rois[tallies.visible == 0] = 0
     result = Visibility(
         tallies.visible, tallies.unoccluded, rois, tallies.nearest_m.astype(np.float64)
     )

@@ -185,17 +185,15 @@ def rays_between(directions: _Floats, rows: npt.NDArray[Any] | None) -> tuple[_I
         return _NO_RAYS
     axes = _axes_about_pole(directions)
     azimuths, elevations = _laser_angles(directions[:, axes]).T
-    if rows is None:
-        rows = _rings(elevations)
+    rings = _rings(elevations) if rows is None else np.unique(rows, return_inverse=True)[1]
     spacing_rad = 0.0
-    if rows is None:
+    if rings is None:
         spacing_rad = _spacing(directions)
-        rows = np.floor(elevations / spacing_rad)
-    rows = np.unique(rows, return_inverse=True)[1]
-    order = np.lexsort((azimuths, rows))
-    starts = np.flatnonzero(np.diff(rows[order], prepend=-1))
+        rings = np.unique(np.floor(elevations / spacing_rad), return_inverse=True)[1]
+    by_ring = np.argsort(rings.astype(np.min_scalar_type(rings.max())), kind="stable")
     neighbours, turns, heights = list[_Indices](), list[_Floats](), list[_Floats]()
-    for row in np.split(order, starts[1:]):
+    for any_order in np.split(by_ring, np.cumsum(np.bincount(rings))[:-1]):
+        row = any_order[np.argsort(azimuths[any_order], kind="stable")]
         height = float(np.median(elevations[row]))
         step, wide = _usual_step(azimuths[row]), _WIDE_GAP
         if spacing_rad:
@@ -218,12 +216,13 @@ def _axes_about_pole(directions: _Floats) -> list[int]:
 
 
 def _rings(elevations: _Floats) -> _Indices | None:
-    """Return the rings (N,) of a turning laser by elevation; None where there are none."""
-    order = np.argsort(elevations, kind="stable")
-    ring_of = np.cumsum(np.diff(elevations[order], prepend=elevations[order[0]]) > _RING_GAP_RAD)
+    """Return the rings (N,) of a turning laser, numbered by elevation; None if there are none."""
+    order = np.argsort(elevations)
+    ascending = elevations[order]
+    ring_of = np.cumsum(np.diff(ascending, prepend=ascending[0]) > _RING_GAP_RAD)
     counts = np.bincount(ring_of)
-    low = elevations[order][np.concatenate(([0], np.cumsum(counts)[:-1]))]
-    high = elevations[order][np.cumsum(counts) - 1]
+    low = ascending[np.concatenate(([0], np.cumsum(counts)[:-1]))]
+    high = ascending[np.cumsum(counts) - 1]
     is_ring = (high - low < _RING_WIDTH_RAD) & (counts >= _FEWEST_ON_RING)
     if counts[is_ring].sum() < 0.9 * len(elevations):
         return None

@@ -143,8 +143,8 @@ def test_no_ray_looks_outside_the_lattice() -> None:
         aims[:10000, 0], aims[10000:, 1] = high[0], high[1]
         rays = np.ascontiguousarray((aims - origin).T, dtype=np.float32)
         hits = np.empty(20000, dtype=np.float32)
-        limits = np.full(20000, 50.0, dtype=np.float32)
-        trace(field, origin.astype(np.float32), -1, rays, np.float32(0.0), limits, hits)
+        limits, which = np.full(20000, 50.0, dtype=np.float32), np.arange(20000)
+        trace(field, origin.astype(np.float32), -1, rays, which, np.float32(0.0), limits, hits)
         assert np.isinf(hits).all()
 
 
