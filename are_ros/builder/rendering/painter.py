@@ -91,8 +91,9 @@ class Painting:
 class Painter:
     """Paints what one camera sees. Its rays are computed once."""
 
-    def __init__(self, view: PinholeView | FisheyeView) -> None:
+    def __init__(self, view: PinholeView | FisheyeView, tolerance_px: float = 0.5) -> None:
         self.view = view
+        self._tolerance_rad = tolerance_px / max(view.fx, view.fy)
         height, width = view.height, view.width
         self._layer = np.zeros((height, 4 * width), dtype=np.float32)
         self._shadow_left = np.ones((height, width), dtype=np.float32)
@@ -179,18 +180,25 @@ class Painter:
         """Draw all bodies; return how many samples meet each, hidden or not, int64 (N,)."""
         met = np.zeros(len(bodies), dtype=np.int64)
         near = [k for k, body in enumerate(bodies) if self._may_see(body, map_from_camera)]
-        self._surfaces.hold([bodies[k].surface for k in near])
+        camera_from_map = map_from_camera.inverse()
+        poses = [(camera_from_map @ bodies[k].map_from_box).matrix() for k in near]
+        cameras_m = [-pose[:3, :3].T @ pose[:3, 3] for pose in poses]
+        self._surfaces.hold(
+            [
+                bodies[k].surface.within(
+                    self._tolerance_rad * _distance_m(bodies[k].half_sizes_m, camera_m)
+                )
+                for k, camera_m in zip(near, cameras_m, strict=True)
+            ]
+        )
         corners = self._surfaces.corners
         if len(corners.indices) >= len(self._faces.owners):
             self._faces = Faces.room(len(corners.indices))
-        camera_from_map = map_from_camera.inverse()
-        poses = [(camera_from_map @ bodies[k].map_from_box).matrix() for k in near]
         points = np.empty((len(corners.points_m), 3))
         place_points(corners, np.array(poses).reshape(-1, 4, 4), points)
         places = self.view.project(points)
         light = _light(lighting)
         turns = [bodies[k].map_from_box.rotation_matrix() for k in near]
-        cameras_m = [-pose[:3, :3].T @ pose[:3, 3] for pose in poses]
         heights_m = [(map_from_camera.translation_m[2], bodies[k].ground_m) for k in near]
         draw_bodies(
             corners,
@@ -405,6 +413,11 @@ class _SurfaceSet:
 def _joined(arrays: list[Any], shape: tuple[int, ...], kind: type[np.generic]) -> Any:
     """Return arrays one after the other, of a shape with no rows if there are none."""
     return np.concatenate([np.empty(shape, dtype=kind), *arrays], dtype=kind, casting="same_kind")
+
+
+def _distance_m(half_sizes_m: npt.NDArray[np.float64], point_m: npt.NDArray[np.float64]) -> float:
+    """Return how far a point (3,), in the box's frame, is from a box; 0 inside."""
+    return float(np.linalg.norm(np.maximum(np.abs(point_m) - half_sizes_m, 0.0)))
 
 
 def _light(lighting: Lighting) -> npt.NDArray[np.float64]:
