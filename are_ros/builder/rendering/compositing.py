@@ -6,9 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import borrowing, inlined
+from are_ros.builder.rendering.rasterizing import LAYER, SHADOW, WIDE
 
 Floats = npt.NDArray[np.float32]
-Integers = npt.NDArray[np.int32]
+Marks = npt.NDArray[np.uint8]
 
 _ZERO: Final = np.float32(0.0)
 _ONE: Final = np.float32(1.0)
@@ -21,58 +22,68 @@ _NOISE_DEVIATION: Final = np.float32((8 * (256**2 - 1) / 12) ** 0.5)
 def compose(
     layer: Floats,
     shadow: Floats,
-    layer_spans: Integers,
-    shadow_spans: Integers,
+    marks: Marks,
     taps: Floats,
     gain: Floats,
     noise: np.float32,
     seed: np.uint64,
     linear: Floats,
-    srgb: npt.NDArray[np.uint8],
+    srgb: Marks,
+    near: Marks,
     rows: Floats,
     pixels: npt.NDArray[np.uint8],
 ) -> None:
     """Lay a layer (H, 4 W) over pixels (H, W, 3), whose light the shadow (H, W) lowers before.
 
-    Both are blurred with the `taps` (2 R + 1,); their spans (H, 2) are the columns of each row
-    where they are not 0 and 1. `gain` (3,) is the strength of the light, `noise` the deviation of
+    Both are blurred with the `taps` (2 R + 1,); `marks` (H, B) are the blocks of `WIDE` pixels where
+    they may not be 0 and 1. `gain` (3,) is the strength of the light, `noise` the deviation of
     what the sensor adds, in steps of 8 bits, from a `seed`. `linear` (256,) and `srgb` (4096,)
-    convert.
-    `rows` (3, 4 W + 8 R) is room. Other pixels keep their bits.
+    convert. `near` (B,) and `rows` (3, 4 W + 8 R) are room. Other pixels keep their bits.
     """
-    height, width, radius = shadow.shape[0], shadow.shape[1], taps.size // 2
+    height, width, reach = shadow.shape[0], shadow.shape[1], -(-(taps.size // 2) // WIDE)
     room, over, kept = rows[0], rows[1], rows[2]
     for row in range(height):
-        left, right = _widest(layer_spans, row, radius, width)
-        first, end = _widest(shadow_spans, row, radius, width)
-        _blur(layer, row, left, right, taps, 4, room, over)
-        _blur(shadow, row, first, end, taps, 1, room, kept)
-        for column in range(min(left, first), max(right, end)):
-            pixel = pixels[row, column]
-            light = kept[column - first] if first <= column < end else _ONE
-            place = 4 * (column - left)
-            alpha = min(over[place + 3], _ONE) if left <= column < right else _ZERO
-            if alpha <= np.float32(0.002):
-                if light < np.float32(0.999):
-                    for channel in range(3):
-                        pixel[channel] = _encoded(linear[pixel[channel]] * light, srgb)
-                continue
-            grain = noise * alpha * standard_noise(seed, row * width + column)
-            for channel in range(3):
-                mixed = over[place + channel] * gain[channel]
-                if alpha < np.float32(0.999):
-                    mixed += (_ONE - alpha) * linear[pixel[channel]] * light
-                number = np.float32(_encoded(mixed, srgb)) + grain + np.float32(0.5)
-                pixel[channel] = np.uint8(min(max(number, _ZERO), np.float32(255.0)))
+        _spread(marks, row, taps.size // 2, reach, near)
+        block = 0
+        while block < near.size:
+            what, start = near[block], block
+            while block < near.size and near[block] == what:
+                block += 1
+            left, right = start * WIDE, min(block * WIDE, width)
+            if what & LAYER:
+                _blur(layer, row, left, right, taps, 4, room, over)
+            if what & SHADOW:
+                _blur(shadow, row, left, right, taps, 1, room, kept)
+            for column in range(left, right if what else left):
+                pixel, here = pixels[row, column], column - left
+                light = kept[here] if what & SHADOW else _ONE
+                alpha = min(over[4 * here + 3], _ONE) if what & LAYER else _ZERO
+                if alpha <= np.float32(0.002):
+                    if light < np.float32(0.999):
+                        for channel in range(3):
+                            pixel[channel] = _encoded(linear[pixel[channel]] * light, srgb)
+                    continue
+                grain = noise * alpha * standard_noise(seed, row * width + column)
+                for channel in range(3):
+                    mixed = over[4 * here + channel] * gain[channel]
+                    if alpha < np.float32(0.999):
+                        mixed += (_ONE - alpha) * linear[pixel[channel]] * light
+                    number = np.float32(_encoded(mixed, srgb)) + grain + np.float32(0.5)
+                    pixel[channel] = np.uint8(min(max(number, _ZERO), np.float32(255.0)))
 
 
 @borrowing
-def _widest(spans: Integers, row: int, radius: int, width: int) -> tuple[int, int]:
-    """Return the columns that a blur brings something to, the second less if there are none."""
-    first, end = width, 0
-    for near in range(max(row - radius, 0), min(row + radius + 1, spans.shape[0])):
-        first, end = min(first, spans[near, 0]), max(end, spans[near, 1])
-    return (max(first - radius, 0), min(end + radius, width)) if first < end else (width, 0)
+def _spread(marks: Marks, row: int, radius: int, reach: int, near: Marks) -> None:
+    """Write the marks of a row, and of those up to `radius` rows and `reach` blocks beside it."""
+    for block in range(near.size):
+        near[block] = 0
+    for other in range(max(row - radius, 0), min(row + radius + 1, marks.shape[0])):
+        beside = marks[other]
+        for shift in range(-reach, reach + 1):
+            first, end = max(-shift, 0), near.size - max(shift, 0)
+            from_there, to_here = beside[first + shift : end + shift], near[first:end]
+            for block in range(to_here.size):
+                to_here[block] |= from_there[block]
 
 
 @inlined
@@ -154,13 +165,15 @@ def mean_light(pixels: npt.NDArray[np.uint8], linear: Floats, mean: Floats) -> N
 
 
 @borrowing
-def clear(image: Floats, spans: Integers, channels: int, value: np.float32) -> None:
-    """Set an image (H, W times channels) to a value where the spans (H, 2) say, and clear these."""
-    width = np.int32(image.shape[1] // channels)
-    for row in range(spans.shape[0]):
-        first, end = spans[row, 0], spans[row, 1]
-        if first < end:
-            part = image[row, first * channels : end * channels]
-            for j in range(part.size):
-                part[j] = value
-        spans[row, 0], spans[row, 1] = width, 0
+def clear(layer: Floats, shadow: Floats, marks: Marks) -> None:
+    """Set the layer (H, 4 W) to 0 and the shadow (H, W) to 1 where there are marks (H, B)."""
+    width = shadow.shape[1]
+    for row in range(marks.shape[0]):
+        for block in range(marks.shape[1]):
+            if marks[row, block] == 0:
+                continue
+            marks[row, block] = 0
+            for column in range(block * WIDE, min((block + 1) * WIDE, width)):
+                shadow[row, column] = _ONE
+                for channel in range(4):
+                    layer[row, 4 * column + channel] = _ZERO

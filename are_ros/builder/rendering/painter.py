@@ -97,8 +97,7 @@ class Painter:
         height, width = view.height, view.width
         self._layer = np.zeros((height, 4 * width), dtype=np.float32)
         self._shadow_left = np.ones((height, width), dtype=np.float32)
-        self._layer_spans = np.tile(np.array((width, 0), dtype=np.int32), (height, 1))
-        self._shadow_spans = self._layer_spans.copy()
+        self._marks = np.zeros((height, -(-width // WIDE)), dtype=np.uint8)
         self._faces = Faces.room(0)
         self._window = np.zeros((2, 4), dtype=np.int32)
         self._surfaces = _SurfaceSet()
@@ -117,10 +116,6 @@ class Painter:
     def blocks(self) -> Floats:
         """The samples, in blocks; see `rasterizing`. Between images there is no body in them."""
         return make_blocks(self.rays)
-
-    @cached_property
-    def _touched(self) -> npt.NDArray[np.uint8]:
-        return np.zeros(self.blocks.shape[:2], dtype=np.uint8)
 
     @cached_property
     def _least(self) -> Floats:
@@ -153,11 +148,10 @@ class Painter:
             self._surfaces.textures,
             _LINEAR,
             self.blocks,
-            self._touched,
+            self._marks,
             mask,
             seen,
             self._layer,
-            self._layer_spans,
         )
         fractions = np.where(met > 0, seen / np.maximum(met, 1), np.nan)
         painted = None
@@ -166,8 +160,7 @@ class Painter:
                 casting = [body for body, count in zip(bodies, seen, strict=True) if count]
                 self._cast_shadows(casting, map_from_camera, real_m, lighting.shadow)
             painted = self._composed(pixels, lighting, random)
-        clear(self._layer, self._layer_spans, 4, np.float32(0.0))
-        clear(self._shadow_left, self._shadow_spans, 1, np.float32(1.0))
+        clear(self._layer, self._shadow_left, self._marks)
         return Painting(painted, mask, fractions)
 
     def _draw(
@@ -216,7 +209,7 @@ class Painter:
             self._least,
             self._faces,
             self.blocks,
-            self._touched,
+            self._marks,
             self._window,
             met,
         )
@@ -336,7 +329,7 @@ class Painter:
             real_m,
             np.float32(strength),
             self._shadow_left,
-            self._shadow_spans,
+            self._marks,
         )
 
     def _composed(
@@ -354,14 +347,14 @@ class Painter:
         compose(
             self._layer,
             self._shadow_left,
-            self._layer_spans,
-            self._shadow_spans,
+            self._marks,
             taps,
             gain.astype(np.float32),
             np.float32(lighting.noise),
             random.integers(2**64, dtype=np.uint64),
             _LINEAR,
             _SRGB,
+            np.empty(self._marks.shape[1], dtype=np.uint8),
             np.empty((3, 4 * (self.view.width + len(taps))), dtype=np.float32),
             painted,
         )

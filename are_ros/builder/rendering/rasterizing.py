@@ -34,6 +34,9 @@ FRONT: Final = 5 * LANES
 FRONT_FACE: Final = 6 * LANES
 BLOCK: Final = 7 * LANES
 """Where each kind of number begins in a block, and how many numbers there are."""
+LAYER: Final = 1
+SHADOW: Final = 2
+"""The marks of blocks in which something may be painted, and in which the floor is darker."""
 TIE_M: Final = np.float32(0.02)
 """A real surface hides what is farther than this behind it: depth cameras are not exact."""
 FLOOR_M: Final = np.float32(0.06)
@@ -474,11 +477,11 @@ def limit_nearness(
 
 
 @borrowing
-def merge(window: Integers, least: Floats, blocks: Floats, touched: npt.NDArray[np.uint8]) -> int:
+def merge(window: Integers, least: Floats, blocks: Floats, marks: npt.NDArray[np.uint8]) -> int:
     """Put a body into the image where it is in front, and clear its samples; return their number.
 
     `window` (4,) is the rectangle of pixels in which it was drawn; `least` as in `limit_nearness`.
-    Blocks (H, B) that may have changed are `touched`.
+    Blocks (H, B) that may have changed get a mark.
     """
     count = 0
     first, end = window[0] // WIDE, (window[2] + WIDE - 1) // WIDE
@@ -490,7 +493,7 @@ def merge(window: Integers, least: Floats, blocks: Floats, touched: npt.NDArray[
             if some == 0:
                 continue
             count += some
-            touched[row, number] = 1
+            marks[row, number] = LAYER
             for column in range(WIDE):
                 limit = least[row, WIDE * number + column]
                 for sample in range(SAMPLES):
@@ -522,7 +525,7 @@ def draw_bodies(
     least: Floats,
     faces: Faces,
     blocks: Floats,
-    touched: npt.NDArray[np.uint8],
+    marks: npt.NDArray[np.uint8],
     window: Integers,
     met: npt.NDArray[np.int64],
 ) -> None:
@@ -556,7 +559,7 @@ def draw_bodies(
             continue
         draw(blocks, faces, first, last)
         limit_nearness(rays, own, real, up, heights_m[number], least)
-        met[bodies[number]] = merge(own, least, blocks, touched)
+        met[bodies[number]] = merge(own, least, blocks, marks)
         whole[0], whole[1] = min(whole[0], own[0]), min(whole[1], own[1])
         whole[2], whole[3] = max(whole[2], own[2]), max(whole[3], own[3])
         first = last

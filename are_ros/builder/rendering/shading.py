@@ -12,6 +12,7 @@ from are_ros.builder.rendering.rasterizing import (
     FRONT_FACE,
     LANES,
     SAMPLES,
+    SHADOW,
     WIDE,
     Faces,
 )
@@ -45,28 +46,25 @@ def shade(
     textures: Textures,
     linear: Floats,
     blocks: Floats,
-    touched: npt.NDArray[np.uint8],
+    marks: npt.NDArray[np.uint8],
     mask: Integers,
     seen: npt.NDArray[np.int64],
     layer: Floats,
-    spans: Integers,
 ) -> None:
     """Put the light of the faces in front into the layer (H, 4 W), and clear these.
 
     The layer has linear red, green, blue, and the covered share, for each pixel of the `window`.
-    `touched` (H, B) are the blocks with such faces. `mask` (H, W) becomes the body that has at
-    least two of a pixel's samples (of two with two each the one with the higher number), `seen`
-    the number of each body's samples, and `spans` (H, 2) the columns of each row that the layer
-    covers. `rays` (3, H, W) are those of pixels. `linear` (256,) are the intensities of sRGB
+    `marks` (H, B) are the blocks that may have such faces. `mask` (H, W) becomes the body that has
+    at least two of a pixel's samples (of two with two each the one with the higher number), and
+    `seen` the number of each body's samples. `rays` (3, H, W) are those of pixels. `linear` (256,) are the intensities of sRGB
     values. A face is shaded once a pixel: along the pixel's own ray where all samples meet it, else
     along that of a sample. Where all see one body, but several faces of it, two samples do.
     """
     first, end = window[0] // WIDE, (window[2] + WIDE - 1) // WIDE
     for row in range(np.uint32(window[1]), np.uint32(window[3])):
         for number in range(np.uint32(first), np.uint32(end)):
-            if touched[row, number] == 0:
+            if marks[row, number] == 0:
                 continue
-            touched[row, number] = 0
             block = blocks[row, number]
             for place in range(WIDE):
                 one = np.int32(block[FRONT_FACE + place])
@@ -88,8 +86,6 @@ def shade(
                     best, is_one = _count(one, two, three, four, faces.owners, seen)
                     mask[row, column] = best
                     _add_several(block, place, is_one, faces, textures, linear, out)
-                spans[row, 0] = min(spans[row, 0], column)
-                spans[row, 1] = max(spans[row, 1], column + 1)
             for lane in range(LANES):
                 block[FRONT + lane] = _ZERO
                 block[FRONT_FACE + lane] = -_ONE
@@ -207,7 +203,7 @@ def darken(
     real: Floats,
     strength: np.float32,
     shadow: Floats,
-    spans: Integers,
+    marks: npt.NDArray[np.uint8],
 ) -> None:
     """Lower the share (H, W) of the light that reaches the floor near bodies; see `_darken`.
 
@@ -223,7 +219,7 @@ def darken(
             real,
             strength,
             shadow,
-            spans,
+            marks,
         )
 
 
@@ -237,14 +233,14 @@ def _darken(
     real: Floats,
     strength: np.float32,
     shadow: Floats,
-    spans: Integers,
+    marks: npt.NDArray[np.uint8],
 ) -> None:
     """Lower the share (H, W) of the light that reaches the floor near a body.
 
     `rays` (3, H, W) are those of pixels, `camera` (3,) the camera's place, `map_from_camera` (3, 3)
     its rotation, `box` (7,) the body's x, y, the height of its ground, cosine and sine of its yaw,
-    and half its length and width. `window` is in pixels; `spans` (H, 2) are widened by the columns
-    of each row that are darker. Where what is really there is no floor, nothing changes.
+    and half its length and width. `window` is in pixels; the blocks of `marks` (H, B) from the first
+    to the last darker pixel of a row get a mark. Where what is really there is no floor, nothing changes.
     """
     left, right = window[0], window[2]
     drop = box[2] - camera[2]
@@ -279,9 +275,8 @@ def _darken(
             first += 1
         while end > first and kept[end - 1] == _ONE:
             end -= 1
-        if first < end:
-            spans[row, 0] = min(spans[row, 0], left + first)
-            spans[row, 1] = max(spans[row, 1], left + end)
+        for block in range((left + first) // WIDE, (left + end - 1) // WIDE + 1):
+            marks[row, block] |= SHADOW
 
 
 @inlined
