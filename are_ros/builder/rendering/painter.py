@@ -11,14 +11,15 @@ import numpy.typing as npt
 
 from are_ros.builder.rendering.compositing import clear, compose, mean_light
 from are_ros.builder.rendering.rasterizing import (
+    ROWS,
     WIDE,
     Corners,
     Faces,
-    draw_bodies,
-    make_blocks,
+    make_band,
     place_points,
+    sample_rays,
 )
-from are_ros.builder.rendering.shading import Textures, darken, shade
+from are_ros.builder.rendering.shading import Textures, darken, render
 from are_ros.builder.rendering.surface import Surface, to_linear, to_srgb
 from are_ros.world.cameras import FisheyeView, PinholeView
 from are_ros.world.rigid_transform import RigidTransform
@@ -98,8 +99,9 @@ class Painter:
         self._layer = np.zeros((height, 4 * width), dtype=np.float32)
         self._shadow_left = np.ones((height, width), dtype=np.float32)
         self._marks = np.zeros((height, -(-width // WIDE)), dtype=np.uint8)
+        self._band = make_band(width)
+        self._least = np.zeros(WIDE * self._band.shape[1], dtype=np.float32)
         self._faces = Faces.room(0)
-        self._window = np.zeros((2, 4), dtype=np.int32)
         self._surfaces = _SurfaceSet()
 
     @cached_property
@@ -113,17 +115,13 @@ class Painter:
         return np.ascontiguousarray(self.rays.transpose(2, 0, 1))
 
     @cached_property
-    def blocks(self) -> Floats:
-        """The samples, in blocks; see `rasterizing`. Between images there is no body in them."""
-        return make_blocks(self.rays)
-
-    @cached_property
-    def _least(self) -> Floats:
-        return np.zeros((self.view.height, WIDE * self.blocks.shape[1]), dtype=np.float32)
+    def samples(self) -> Floats:
+        """The unit rays of the samples, in blocks; see `rasterizing`."""
+        return sample_rays(self.rays)
 
     def prepare(self) -> None:
         """Compute the rays now, not when the first image comes."""
-        _ = self._flat_rays, self.blocks, self._planes, self._small_bulge_px
+        _ = self._flat_rays, self.samples, self._planes, self._small_bulge_px
 
     def paint(
         self,
@@ -138,21 +136,8 @@ class Painter:
 
         `real_m` float32 (H, W) are the ranges of what is really there, inf where nothing is.
         """
-        met = self._draw(bodies, map_from_camera, real_m, lighting)
         mask = np.full((self.view.height, self.view.width), -1, dtype=np.int32)
-        seen = np.zeros(len(bodies), dtype=np.int64)
-        shade(
-            self._flat_rays,
-            self._window[1],
-            self._faces,
-            self._surfaces.textures,
-            _LINEAR,
-            self.blocks,
-            self._marks,
-            mask,
-            seen,
-            self._layer,
-        )
+        met, seen = self._draw(bodies, map_from_camera, real_m, lighting, mask)
         fractions = np.where(met > 0, seen / np.maximum(met, 1), np.nan)
         painted = None
         if seen.any():
@@ -169,9 +154,13 @@ class Painter:
         map_from_camera: RigidTransform,
         real_m: Floats,
         lighting: Lighting,
+        mask: Indices,
     ) -> npt.NDArray[np.int64]:
-        """Draw all bodies; return how many samples meet each, hidden or not, int64 (N,)."""
-        met = np.zeros(len(bodies), dtype=np.int64)
+        """Draw all bodies into the layer and the mask.
+
+        Return how many samples meet each, hidden or not, and how many see it, int64 (2, N).
+        """
+        counts = np.zeros((2, len(bodies)), dtype=np.int64)
         near = [k for k, body in enumerate(bodies) if self._may_see(body, map_from_camera)]
         camera_from_map = map_from_camera.inverse()
         poses = [(camera_from_map @ bodies[k].map_from_box).matrix() for k in near]
@@ -193,7 +182,7 @@ class Painter:
         light = _light(lighting)
         turns = [bodies[k].map_from_box.rotation_matrix() for k in near]
         heights_m = [(map_from_camera.translation_m[2], bodies[k].ground_m) for k in near]
-        draw_bodies(
+        render(
             corners,
             points,
             places,
@@ -205,15 +194,22 @@ class Painter:
             np.array(heights_m, dtype=np.float32).reshape(-1, 2),
             map_from_camera.rotation_matrix()[2].astype(np.float32),
             self._flat_rays,
+            self.samples,
             real_m,
-            self._least,
+            self._surfaces.textures,
+            _LINEAR,
             self._faces,
-            self.blocks,
+            np.empty((len(near), -(-self.view.height // ROWS) + 1), dtype=np.int32),
+            np.empty((len(near) + 1, 4), dtype=np.int32),
+            self._least,
+            self._band,
             self._marks,
-            self._window,
-            met,
+            mask,
+            counts[0],
+            counts[1],
+            self._layer,
         )
-        return met
+        return counts
 
     def _bulges(
         self,

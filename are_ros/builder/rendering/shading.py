@@ -11,10 +11,16 @@ from are_ros.builder.rendering.rasterizing import (
     FRONT,
     FRONT_FACE,
     LANES,
+    ROWS,
     SAMPLES,
     SHADOW,
     WIDE,
+    Corners,
     Faces,
+    choose_faces,
+    draw_in_band,
+    load_rays,
+    merge,
 )
 
 Floats = npt.NDArray[np.float32]
@@ -39,9 +45,94 @@ class Textures(NamedTuple):
 
 
 @borrowing
-def shade(
+def render(
+    corners: Corners,
+    points: npt.NDArray[np.float64],
+    pixels: npt.NDArray[np.float64],
+    bulges: npt.NDArray[np.float64],
+    frustum: npt.NDArray[np.float64],
+    bodies: Integers,
+    cameras_m: npt.NDArray[np.float64],
+    lights: npt.NDArray[np.float64],
+    heights_m: Floats,
+    up: Floats,
+    rays: Floats,
+    samples: Floats,
+    real: Floats,
+    textures: Textures,
+    linear: Floats,
+    faces: Faces,
+    heads: Integers,
+    windows: Integers,
+    least: Floats,
+    blocks: Floats,
+    marks: npt.NDArray[np.uint8],
+    mask: Integers,
+    met: npt.NDArray[np.int64],
+    seen: npt.NDArray[np.int64],
+    layer: Floats,
+) -> None:
+    """Draw bodies where they are in front, band by band, and put their light into the layer.
+
+    `bodies` (N,) are their numbers, `cameras_m` (N, 3) and `lights` (N, 3, 3) as one of each in
+    `choose_faces`, `heights_m` (N, 2) as one in `merge`. `met` counts the samples that meet each
+    body, hidden or not, and `seen` those that see it; see `_shade` for `marks`, `mask` and `layer`.
+    `heads` (N, bands + 1), `windows` (N + 1, 4), `least` (4 B,), `faces` and `blocks` are room.
+    """
+    size, first, whole = (real.shape[1], real.shape[0]), 0, windows[bodies.size]
+    whole[0], whole[1], whole[2], whole[3] = size[0], size[1], 0, 0
+    for number in range(bodies.size):
+        for band in range(heads.shape[1]):
+            heads[number, band] = -1
+        own = windows[number]
+        first = choose_faces(
+            corners,
+            number,
+            points,
+            pixels,
+            bulges,
+            size,
+            frustum,
+            cameras_m[number],
+            lights[number],
+            bodies[number],
+            first,
+            faces,
+            heads[number],
+            own,
+        )
+        whole[0], whole[1] = min(whole[0], own[0]), min(whole[1], own[1])
+        whole[2], whole[3] = max(whole[2], own[2]), max(whole[3], own[3])
+    for band in range(whole[1] // ROWS, (whole[3] + ROWS - 1) // ROWS):
+        top, bottom = band * ROWS, min((band + 1) * ROWS, size[1])
+        load_rays(samples, whole, top, bottom, blocks)
+        for number in range(bodies.size):
+            if heads[number, band] < 0:
+                continue
+            draw_in_band(blocks, faces, heads[number, band : band + 2], top, bottom)
+            met[bodies[number]] += merge(
+                rays,
+                windows[number],
+                real,
+                up,
+                heights_m[number],
+                top,
+                bottom,
+                least,
+                blocks,
+                marks,
+            )
+        _shade(
+            rays, whole, top, bottom, faces, textures, linear, blocks, marks, mask, seen, layer
+        )
+
+
+@borrowing
+def _shade(
     rays: Floats,
     window: Integers,
+    top: int,
+    bottom: int,
     faces: Faces,
     textures: Textures,
     linear: Floats,
@@ -51,9 +142,10 @@ def shade(
     seen: npt.NDArray[np.int64],
     layer: Floats,
 ) -> None:
-    """Put the light of the faces in front into the layer (H, 4 W), and clear these.
+    """Put the light of the faces in front in a band into the layer (H, 4 W), and clear these.
 
-    The layer has linear red, green, blue, and the covered share, for each pixel of the `window`.
+    The band has the rows from `top` to `bottom`, left out. The layer has linear red, green, blue,
+    and the covered share, for each pixel of the `window`.
     `marks` (H, B) are the blocks that may have such faces. `mask` (H, W) becomes the body that has
     at least two of a pixel's samples (of two with two each the one with the higher number), and
     `seen` the number of each body's samples. `rays` (3, H, W) are those of pixels. `linear` (256,) are the intensities of sRGB
@@ -61,11 +153,11 @@ def shade(
     along that of a sample. Where all see one body, but several faces of it, two samples do.
     """
     first, end = window[0] // WIDE, (window[2] + WIDE - 1) // WIDE
-    for row in range(np.uint32(window[1]), np.uint32(window[3])):
+    for row in range(np.uint32(top), np.uint32(bottom)):
         for number in range(np.uint32(first), np.uint32(end)):
             if marks[row, number] == 0:
                 continue
-            block = blocks[row, number]
+            block = blocks[np.uint32(row - top), number]
             for place in range(WIDE):
                 one = np.int32(block[FRONT_FACE + place])
                 two = np.int32(block[FRONT_FACE + WIDE + place])
