@@ -29,7 +29,7 @@ def compose(
     seed: np.uint64,
     linear: Floats,
     srgb: Marks,
-    near: Marks,
+    spread: Marks,
     rows: Floats,
     pixels: npt.NDArray[np.uint8],
 ) -> None:
@@ -38,12 +38,13 @@ def compose(
     Both are blurred with the `taps` (2 R + 1,); `marks` (H, B) are the blocks of `WIDE` pixels where
     they may not be 0 and 1. `gain` (3,) is the strength of the light, `noise` the deviation of
     what the sensor adds, in steps of 8 bits, from a `seed`. `linear` (256,) and `srgb` (4096,)
-    convert. `near` (B,) and `rows` (3, 4 W + 8 R) are room. Other pixels keep their bits.
+    convert. `spread` (2, B) and `rows` (3, 4 W + 8 R) are room. Other pixels keep their bits.
     """
     height, width, reach = shadow.shape[0], shadow.shape[1], -(-(taps.size // 2) // WIDE)
     room, over, kept = rows[0], rows[1], rows[2]
+    tall, near = spread[0], spread[1]
     for row in range(height):
-        _spread(marks, row, taps.size // 2, reach, near)
+        _spread(marks, row, taps.size // 2, reach, tall, near)
         block = 0
         while block < near.size:
             what, start = near[block], block
@@ -73,17 +74,22 @@ def compose(
 
 
 @borrowing
-def _spread(marks: Marks, row: int, radius: int, reach: int, near: Marks) -> None:
-    """Write the marks of a row, and of those up to `radius` rows and `reach` blocks beside it."""
-    for block in range(near.size):
-        near[block] = 0
+def _spread(marks: Marks, row: int, radius: int, reach: int, tall: Marks, near: Marks) -> None:
+    """Write the marks of a row, and of those up to `radius` rows and `reach` blocks beside it.
+
+    Those of the same blocks are written to `tall`.
+    """
+    for block in range(tall.size):
+        tall[block] = near[block] = 0
     for other in range(max(row - radius, 0), min(row + radius + 1, marks.shape[0])):
         beside = marks[other]
-        for shift in range(-reach, reach + 1):
-            first, end = max(-shift, 0), near.size - max(shift, 0)
-            from_there, to_here = beside[first + shift : end + shift], near[first:end]
-            for block in range(to_here.size):
-                to_here[block] |= from_there[block]
+        for block in range(tall.size):
+            tall[block] |= beside[block]
+    for shift in range(-reach, reach + 1):
+        here = near[max(-shift, 0) : near.size - max(shift, 0)]
+        there = tall[max(shift, 0) : near.size - max(-shift, 0)]
+        for block in range(here.size):
+            here[block] |= there[block]
 
 
 @inlined
@@ -167,13 +173,17 @@ def mean_light(pixels: npt.NDArray[np.uint8], linear: Floats, mean: Floats) -> N
 @borrowing
 def clear(layer: Floats, shadow: Floats, marks: Marks) -> None:
     """Set the layer (H, 4 W) to 0 and the shadow (H, W) to 1 where there are marks (H, B)."""
-    width = shadow.shape[1]
     for row in range(marks.shape[0]):
-        for block in range(marks.shape[1]):
-            if marks[row, block] == 0:
-                continue
-            marks[row, block] = 0
-            for column in range(block * WIDE, min((block + 1) * WIDE, width)):
-                shadow[row, column] = _ONE
-                for channel in range(4):
-                    layer[row, 4 * column + channel] = _ZERO
+        block = 0
+        while block < marks.shape[1]:
+            first = block
+            while block < marks.shape[1] and marks[row, block] != 0:
+                marks[row, block] = 0
+                block += 1
+            light = layer[row, 4 * WIDE * first : 4 * WIDE * block]
+            left = shadow[row, WIDE * first : WIDE * block]
+            for j in range(light.size):
+                light[j] = _ZERO
+            for j in range(left.size):
+                left[j] = _ONE
+            block += 1

@@ -201,6 +201,7 @@ class Painter:
             self._faces,
             np.empty((len(near), -(-self.view.height // ROWS) + 1), dtype=np.int32),
             np.empty((len(near) + 1, 4), dtype=np.int32),
+            np.full(self._band.shape[1], -1, dtype=np.int32),
             self._least,
             self._band,
             self._marks,
@@ -350,7 +351,7 @@ class Painter:
             random.integers(2**64, dtype=np.uint64),
             _LINEAR,
             _SRGB,
-            np.empty(self._marks.shape[1], dtype=np.uint8),
+            np.empty((2, self._marks.shape[1]), dtype=np.uint8),
             np.empty((3, 4 * (self.view.width + len(taps))), dtype=np.float32),
             painted,
         )

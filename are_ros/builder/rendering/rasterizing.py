@@ -479,12 +479,21 @@ def _span(outline: Floats, row: int, left: int, right: int) -> tuple[int, int]:
 
 
 @borrowing
-def load_rays(samples: Floats, window: Integers, top: int, bottom: int, blocks: Floats) -> None:
-    """Put the rays of samples (H, B, RAYS) into the blocks of a band, in a window of pixels."""
-    for row in range(top, bottom):
-        for number in range(window[0] // WIDE, (window[2] + WIDE - 1) // WIDE):
-            there, here = samples[row, number], blocks[row - top, number]
-            for place in range(RAYS):
+def load_rays(
+    samples: Floats, window: Integers, band: int, loaded: Integers, blocks: Floats
+) -> None:
+    """Put the rays of samples (H, B, RAYS) into the blocks of a band, in the columns of a window.
+
+    `loaded` (B,) are the bands whose rays each column has.
+    """
+    rows = min(ROWS, samples.shape[0] - ROWS * band)
+    for number in range(window[0] // WIDE, (window[2] + WIDE - 1) // WIDE):
+        if loaded[number] == band:
+            continue
+        loaded[number] = band
+        for row in range(rows):
+            there, here = samples[ROWS * band + row, number], blocks[row, number]
+            for place in range(there.size):
                 here[place] = there[place]
 
 

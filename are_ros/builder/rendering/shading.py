@@ -64,6 +64,7 @@ def render(
     faces: Faces,
     heads: Integers,
     windows: Integers,
+    loaded: Integers,
     least: Floats,
     blocks: Floats,
     marks: npt.NDArray[np.uint8],
@@ -77,7 +78,8 @@ def render(
     `bodies` (N,) are their numbers, `cameras_m` (N, 3) and `lights` (N, 3, 3) as one of each in
     `choose_faces`, `heights_m` (N, 2) as one in `merge`. `met` counts the samples that meet each
     body, hidden or not, and `seen` those that see it; see `_shade` for `marks`, `mask` and `layer`.
-    `heads` (N, bands + 1), `windows` (N + 1, 4), `least` (4 B,), `faces` and `blocks` are room.
+    `heads` (N, bands + 1), `windows` (N + 1, 4), `loaded` (B,), of -1,
+    `least` (4 B,), `faces` and `blocks` are room.
     """
     size, first, whole = (real.shape[1], real.shape[0]), 0, windows[bodies.size]
     whole[0], whole[1], whole[2], whole[3] = size[0], size[1], 0, 0
@@ -105,10 +107,10 @@ def render(
         whole[2], whole[3] = max(whole[2], own[2]), max(whole[3], own[3])
     for band in range(whole[1] // ROWS, (whole[3] + ROWS - 1) // ROWS):
         top, bottom = band * ROWS, min((band + 1) * ROWS, size[1])
-        load_rays(samples, whole, top, bottom, blocks)
         for number in range(bodies.size):
             if heads[number, band] < 0:
                 continue
+            load_rays(samples, windows[number], band, loaded, blocks)
             draw_in_band(blocks, faces, heads[number, band : band + 2], top, bottom)
             met[bodies[number]] += merge(
                 rays,
@@ -153,6 +155,7 @@ def _shade(
     along that of a sample. Where all see one body, but several faces of it, two samples do.
     """
     first, end = window[0] // WIDE, (window[2] + WIDE - 1) // WIDE
+    lanes, half = np.uint32(blocks.shape[2] // 8), np.float32(0.5)  # as in `merge`
     for row in range(np.uint32(top), np.uint32(bottom)):
         for number in range(np.uint32(first), np.uint32(end)):
             if marks[row, number] == 0:
@@ -163,22 +166,31 @@ def _shade(
                 two = np.int32(block[FRONT_FACE + WIDE + place])
                 three = np.int32(block[FRONT_FACE + 2 * WIDE + place])
                 four = np.int32(block[FRONT_FACE + 3 * WIDE + place])
-                if max(one, two, three, four) < 0:
+                low, high = min(one, two, three, four), max(one, two, three, four)
+                if high < 0:
                     continue
                 column = WIDE * number + place
                 out = layer[row, 4 * column : 4 * column + 4]
-                if one == two and one == three and one == four:
-                    which = np.uint32(one)
+                owner = faces.owners[np.uint32(high)]
+                if low == high:
                     x, y, z = rays[0, row, column], rays[1, row, column], rays[2, row, column]
-                    _add(x, y, z, which, _ONE, faces, textures, linear, out)
-                    owner = faces.owners[which]
-                    seen[np.uint32(owner)] += SAMPLES
-                    mask[row, column] = owner
+                    red, green, blue = _light(x, y, z, np.uint32(high), faces, textures, linear)
+                elif low >= 0 and faces.owners[np.uint32(low)] == owner:
+                    # All are of one body, for its faces have numbers that follow each other.
+                    red, green, blue = _light_at(block, place, one, faces, textures, linear)
+                    if four != one:
+                        last = _light_at(block, 3 * WIDE + place, four, faces, textures, linear)
+                        red = half * red + half * last[0]
+                        green = half * green + half * last[1]
+                        blue = half * blue + half * last[2]
                 else:
-                    best, is_one = _count(one, two, three, four, faces.owners, seen)
-                    mask[row, column] = best
-                    _add_several(block, place, is_one, faces, textures, linear, out)
-            for lane in range(LANES):
+                    mask[row, column] = _count(one, two, three, four, faces.owners, seen)
+                    _add_several(block, place, faces, textures, linear, out)
+                    continue
+                out[0], out[1], out[2], out[3] = red, green, blue, _ONE
+                seen[np.uint32(owner)] += SAMPLES
+                mask[row, column] = owner
+            for lane in range(lanes):
                 block[FRONT + lane] = _ZERO
                 block[FRONT_FACE + lane] = -_ONE
 
@@ -186,10 +198,10 @@ def _shade(
 @inlined
 def _count(
     one: int, two: int, three: int, four: int, owners: Integers, seen: npt.NDArray[np.int64]
-) -> tuple[int, bool]:
+) -> int:
     """Count the samples of a pixel that see faces, -1 for none.
 
-    Return the body with at least two, the higher of two, -1 if none has; and whether all are of it.
+    Return the body with at least two, the higher of two, -1 if none has.
     """
     first = owners[np.uint32(one)] if one >= 0 else -1
     second = owners[np.uint32(two)] if two >= 0 else -1
@@ -205,50 +217,54 @@ def _count(
         best = max(best, second)
     if third == last:
         best = max(best, third)
-    return best, first == second and first == third and first == last
+    return best
 
 
 @inlined
 def _add_several(
     block: Floats,
     place: int,
-    is_one: bool,
     faces: Faces,
     textures: Textures,
     linear: Floats,
     out: Floats,
 ) -> None:
-    """Add the light of the faces that a pixel of a block sees, each once, at its first sample.
-
-    If all are of one body (`is_one`), only those of the first sample and the last.
-    """
-    step = SAMPLES - 1 if is_one else 1
-    part = np.float32(0.5) if is_one else _PART
-    for sample in range(0, SAMPLES, step):
+    """Add the light of the faces that a pixel of a block sees, each once, at its first sample."""
+    for sample in range(SAMPLES):
         lane = WIDE * sample + place
         face, share, is_known = block[FRONT_FACE + lane], _ZERO, False
-        for other in range(0, SAMPLES, step):
+        for other in range(SAMPLES):
             is_same = block[FRONT_FACE + WIDE * other + place] == face
-            share += part if is_same else _ZERO
+            share += _PART if is_same else _ZERO
             is_known = is_known or (is_same and other < sample)
         if face >= _ZERO and not is_known:
-            x, y, z = block[lane], block[LANES + lane], block[2 * LANES + lane]
-            _add(x, y, z, np.uint32(face), share, faces, textures, linear, out)
+            red, green, blue = _light_at(block, lane, np.int32(face), faces, textures, linear)
+            out[0] += share * red
+            out[1] += share * green
+            out[2] += share * blue
+            out[3] += share
 
 
 @inlined
-def _add(
+def _light_at(
+    block: Floats, lane: int, face: int, faces: Faces, textures: Textures, linear: Floats
+) -> tuple[np.float32, np.float32, np.float32]:
+    """Return the light that comes along the ray of a sample from a face."""
+    x, y, z = block[lane], block[LANES + lane], block[2 * LANES + lane]
+    return _light(x, y, z, np.uint32(face), faces, textures, linear)
+
+
+@inlined
+def _light(
     x: np.float32,
     y: np.float32,
     z: np.float32,
     face: int,
-    share: np.float32,
     faces: Faces,
     textures: Textures,
     linear: Floats,
-    out: Floats,
-) -> None:
-    """Add a share of the light that comes along a ray from a face."""
+) -> tuple[np.float32, np.float32, np.float32]:
+    """Return the light that comes along a ray from a face."""
     own = faces.planes[face]
     range_m = _ONE / (x * own[9] + y * own[10] + z * own[11])
     red = (x * own[12] + y * own[13] + z * own[14]) * range_m
@@ -257,10 +273,7 @@ def _add(
     if faces.textures[face] >= 0:
         where = textures.places[np.uint32(faces.textures[face])]
         red, green, blue = _texel(red, green, blue, where, textures.texels, linear)
-    out[0] += share * red
-    out[1] += share * green
-    out[2] += share * blue
-    out[3] += share
+    return red, green, blue
 
 
 @inlined
