@@ -9,29 +9,30 @@ from are_ros._compiled import borrowing, inlined
 from are_ros.builder.rendering.rasterizing import LAYER, SHADOW, WIDE
 
 Floats = npt.NDArray[np.float32]
-Marks = npt.NDArray[np.uint8]
+Bytes = npt.NDArray[np.uint8]
 
 _ZERO: Final = np.float32(0.0)
 _ONE: Final = np.float32(1.0)
 _BYTES: Final = np.uint64(0x00FF00FF00FF00FF)
 _NOISE_MEAN: Final = np.float32(8 * 127.5)
-_NOISE_DEVIATION: Final = np.float32((8 * (256**2 - 1) / 12) ** 0.5)
+_PER_DEVIATION: Final = np.float32((8 * (256**2 - 1) / 12) ** -0.5)
+_STEP: Final = np.uint64(0x9E3779B97F4A7C15)
 
 
 @borrowing
 def compose(
     layer: Floats,
     shadow: Floats,
-    marks: Marks,
+    marks: Bytes,
     taps: Floats,
     gain: Floats,
     noise: np.float32,
     seed: np.uint64,
     linear: Floats,
-    srgb: Marks,
-    spread: Marks,
+    srgb: Bytes,
+    spread: Bytes,
     rows: Floats,
-    pixels: npt.NDArray[np.uint8],
+    pixels: Bytes,
 ) -> None:
     """Lay a layer (H, 4 W) over pixels (H, W, 3), whose light the shadow (H, W) lowers before.
 
@@ -55,26 +56,57 @@ def compose(
                 _blur(layer, row, left, right, taps, 4, room, over)
             if what & SHADOW:
                 _blur(shadow, row, left, right, taps, 1, room, kept)
-            for column in range(left, right if what else left):
-                pixel, here = pixels[row, column], column - left
-                light = kept[here] if what & SHADOW else _ONE
-                alpha = min(over[4 * here + 3], _ONE) if what & LAYER else _ZERO
-                if alpha <= np.float32(0.002):
-                    if light < np.float32(0.999):
-                        for channel in range(3):
-                            pixel[channel] = _encoded(linear[pixel[channel]] * light, srgb)
-                    continue
-                grain = noise * alpha * standard_noise(seed, row * width + column)
+            if what == SHADOW:
+                _shade_row(pixels[row, left:right], kept, linear, srgb)
+            elif what:
+                number = seed + np.uint64(row * width + left) * _STEP
+                _mix_row(
+                    pixels[row, left:right], over, kept, what & SHADOW, gain, noise, number, linear, srgb
+                )
+
+
+@inlined
+def _shade_row(pixels: Bytes, kept: Floats, linear: Floats, srgb: Bytes) -> None:
+    """Lower the light of pixels (N, 3) to the shares that are kept."""
+    for place in range(pixels.shape[0]):
+        pixel, light = pixels[place], kept[place]
+        if light < np.float32(0.999):
+            for channel in range(3):
+                pixel[channel] = _encoded(linear[pixel[channel]] * light, srgb)
+
+
+@inlined
+def _mix_row(
+    pixels: Bytes,
+    over: Floats,
+    kept: Floats,
+    is_shaded: int,
+    gain: Floats,
+    noise: np.float32,
+    number: np.uint64,
+    linear: Floats,
+    srgb: Bytes,
+) -> None:
+    """Lay blurred parts of the layer over pixels (N, 3); the noise is that from a number on."""
+    for place in range(pixels.shape[0]):
+        pixel, light = pixels[place], kept[place] if is_shaded else _ONE
+        mine = over[4 * place : 4 * place + 4]
+        alpha = min(mine[3], _ONE)
+        if alpha <= np.float32(0.002):
+            if light < np.float32(0.999):
                 for channel in range(3):
-                    mixed = over[4 * here + channel] * gain[channel]
-                    if alpha < np.float32(0.999):
-                        mixed += (_ONE - alpha) * linear[pixel[channel]] * light
-                    number = np.float32(_encoded(mixed, srgb)) + grain + np.float32(0.5)
-                    pixel[channel] = np.uint8(min(max(number, _ZERO), np.float32(255.0)))
+                    pixel[channel] = _encoded(linear[pixel[channel]] * light, srgb)
+            continue
+        behind = (_ONE - alpha) * light if alpha < np.float32(0.999) else _ZERO
+        grain = noise * alpha * _standard_noise(number + np.uint64(place) * _STEP) + np.float32(0.5)
+        for channel in range(3):
+            mixed = mine[channel] * gain[channel] + behind * linear[pixel[channel]]
+            value = np.float32(_encoded(mixed, srgb)) + grain
+            pixel[channel] = np.uint8(min(max(value, _ZERO), np.float32(255.0)))
 
 
 @borrowing
-def _spread(marks: Marks, row: int, radius: int, reach: int, tall: Marks, near: Marks) -> None:
+def _spread(marks: Bytes, row: int, radius: int, reach: int, tall: Bytes, near: Bytes) -> None:
     """Write the marks of a row, and of those up to `radius` rows and `reach` blocks beside it.
 
     Those of the same blocks are written to `tall`.
@@ -104,13 +136,17 @@ def standard_noise(seed: np.uint64, number: int) -> np.float32:
 
     The hash is SplitMix64 (Steele et al. 2014) of the seed and the number.
     """
-    bits = seed + np.uint64(number) * np.uint64(0x9E3779B97F4A7C15)
+    return _standard_noise(seed + np.uint64(number) * _STEP)
+
+
+@inlined
+def _standard_noise(bits: np.uint64) -> np.float32:
     bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     bits = (bits ^ (bits >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     bits ^= bits >> np.uint64(31)
     pairs = (bits & _BYTES) + ((bits >> np.uint64(8)) & _BYTES)
     total = (pairs * np.uint64(0x0001000100010001)) >> np.uint64(48)
-    number_drawn: np.float32 = (np.float32(total) - _NOISE_MEAN) / _NOISE_DEVIATION
+    number_drawn: np.float32 = (np.float32(total) - _NOISE_MEAN) * _PER_DEVIATION
     return number_drawn
 
 
@@ -127,7 +163,7 @@ def _blur(
 ) -> None:
     """Write the blurred columns from `first` to `end`, the end left out, of a row of an image.
 
-    Beyond the image's edge it goes on with its outermost pixels.
+    The `taps` (2 R + 1,) are symmetric. Beyond the image's edge it goes on with its outermost pixels.
     """
     if first >= end:
         return
@@ -135,29 +171,34 @@ def _blur(
     low, high = max(first - radius, 0), min(end + radius, width)
     before = (low - first + radius) * channels
     down = room[before : before + (high - low) * channels]
+    middle, share = image[row, low * channels : high * channels], taps[radius]
     for j in range(down.size):
-        down[j] = _ZERO
-    for tap in range(taps.size):
-        near = min(max(row + tap - radius, 0), height - 1)
-        beside, share = image[near, low * channels : high * channels], taps[tap]
+        down[j] = share * middle[j]
+    for step in range(1, radius + 1):
+        above, below, share = max(row - step, 0), min(row + step, height - 1), taps[radius + step]
+        one = image[above, low * channels : high * channels]
+        other = image[below, low * channels : high * channels]
         for j in range(down.size):
-            down[j] += share * beside[j]
+            down[j] += share * (one[j] + other[j])
     for j in range(before):
         room[j] = down[j % channels]
     behind = before + down.size
     for j in range((end + radius - high) * channels):
         room[behind + j] = down[down.size - channels + j % channels]
-    across = blurred[: (end - first) * channels]
+    across, here = blurred[: (end - first) * channels], radius * channels
+    centre, share = room[here : here + across.size], taps[radius]
     for j in range(across.size):
-        across[j] = _ZERO
-    for tap in range(taps.size):
-        beside, share = room[tap * channels : tap * channels + across.size], taps[tap]
+        across[j] = share * centre[j]
+    for step in range(1, radius + 1):
+        share = taps[radius + step]
+        one = room[here - step * channels : here - step * channels + across.size]
+        other = room[here + step * channels : here + step * channels + across.size]
         for j in range(across.size):
-            across[j] += share * beside[j]
+            across[j] += share * (one[j] + other[j])
 
 
 @borrowing
-def mean_light(pixels: npt.NDArray[np.uint8], linear: Floats, mean: Floats) -> None:
+def mean_light(pixels: Bytes, linear: Floats, mean: Floats) -> None:
     """Write the mean intensity (3,) of each colour of every fourth pixel, both ways."""
     red, green, blue, count = 0.0, 0.0, 0.0, 0
     for row in range(0, pixels.shape[0], 4):
@@ -171,14 +212,20 @@ def mean_light(pixels: npt.NDArray[np.uint8], linear: Floats, mean: Floats) -> N
 
 
 @borrowing
-def clear(layer: Floats, shadow: Floats, marks: Marks) -> None:
+def clear(layer: Floats, shadow: Floats, marks: Bytes) -> None:
     """Set the layer (H, 4 W) to 0 and the shadow (H, W) to 1 where there are marks (H, B)."""
     for row in range(marks.shape[0]):
+        here = marks[row]
+        some = np.uint8(0)
+        for block in range(here.size):
+            some |= here[block]
+        if some == 0:
+            continue
         block = 0
-        while block < marks.shape[1]:
+        while block < here.size:
             first = block
-            while block < marks.shape[1] and marks[row, block] != 0:
-                marks[row, block] = 0
+            while block < here.size and here[block] != 0:
+                here[block] = 0
                 block += 1
             light = layer[row, 4 * WIDE * first : 4 * WIDE * block]
             left = shadow[row, WIDE * first : WIDE * block]

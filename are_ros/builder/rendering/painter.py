@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -161,38 +161,41 @@ class Painter:
         Return how many samples meet each, hidden or not, and how many see it, int64 (2, N).
         """
         counts = np.zeros((2, len(bodies)), dtype=np.int64)
-        near = [k for k, body in enumerate(bodies) if self._may_see(body, map_from_camera)]
-        camera_from_map = map_from_camera.inverse()
-        poses = [(camera_from_map @ bodies[k].map_from_box).matrix() for k in near]
-        cameras_m = [-pose[:3, :3].T @ pose[:3, 3] for pose in poses]
-        self._surfaces.hold(
-            [
-                bodies[k].surface.within(
-                    self._tolerance_rad * _distance_m(bodies[k].half_sizes_m, camera_m)
-                )
-                for k, camera_m in zip(near, cameras_m, strict=True)
-            ]
-        )
+        boxes = _Boxes.of(bodies)
+        map_from_optical = map_from_camera.rotation_matrix()
+        apart_m = boxes.centres_m - map_from_camera.translation_m
+        near = np.flatnonzero(self._may_see(boxes, apart_m, map_from_optical))
+        turns, apart_m = boxes.turns[near], apart_m[near]
+        cameras_m = -np.matmul(apart_m[:, np.newaxis], turns)[:, 0]
+        away_m = np.maximum(np.abs(cameras_m) - boxes.half_sizes_m[near], 0.0)
+        tolerances_m = self._tolerance_rad * np.sqrt((away_m * away_m).sum(axis=1))
+        surfaces = [bodies[k].surface for k in near]
+        self._surfaces.hold([s.within(m) for s, m in zip(surfaces, tolerances_m, strict=True)])
         corners = self._surfaces.corners
         if len(corners.indices) >= len(self._faces.owners):
             self._faces = Faces.room(len(corners.indices))
+        poses = np.empty((len(near), 3, 4))
+        poses[:, :, :3] = map_from_optical.T @ turns
+        poses[:, :, 3] = apart_m @ map_from_optical
         points = np.empty((len(corners.points_m), 3))
-        place_points(corners, np.array(poses).reshape(-1, 4, 4), points)
+        place_points(corners, poses, points)
         places = self.view.project(points)
-        light = _light(lighting)
-        turns = [bodies[k].map_from_box.rotation_matrix() for k in near]
-        heights_m = [(map_from_camera.translation_m[2], bodies[k].ground_m) for k in near]
+        lights = np.empty((len(near), 3, 3))
+        lights[:, :2], lights[:, 2] = _lights(lighting)
+        lights[:, :2] = lights[:, :2] @ turns
+        heights_m = np.empty((len(near), 2), dtype=np.float32)
+        heights_m[:, 0], heights_m[:, 1] = map_from_camera.translation_m[2], boxes.grounds_m[near]
         render(
             corners,
             points,
             places,
             self._bulges(points, places, corners.indices),
             self._planes,
-            np.array(near, dtype=np.int32),
-            np.array(cameras_m).reshape(-1, 3),
-            np.array([(*(light[:2] @ turn), light[2]) for turn in turns]).reshape(-1, 3, 3),
-            np.array(heights_m, dtype=np.float32).reshape(-1, 2),
-            map_from_camera.rotation_matrix()[2].astype(np.float32),
+            near.astype(np.int32),
+            cameras_m,
+            lights,
+            heights_m,
+            map_from_optical[2].astype(np.float32),
             self._flat_rays,
             self.samples,
             real_m,
@@ -277,16 +280,20 @@ class Painter:
         planes /= np.linalg.norm(planes, axis=1, keepdims=True)
         return planes + _MARGIN * axis  # the samples lie beyond the rays of the outermost pixels
 
-    def _may_see(self, body: PaintedBody, map_from_camera: RigidTransform) -> bool:
-        """Tell whether a ray may meet the ball around a body's box."""
+    def _may_see(
+        self,
+        boxes: "_Boxes",
+        apart_m: npt.NDArray[np.float64],
+        map_from_optical: npt.NDArray[np.float64],
+    ) -> npt.NDArray[np.bool_]:
+        """Tell whether a ray may meet the ball around each box, which is so far apart (N, 3)."""
         axis, widest_rad = self._cone
-        apart_m = body.map_from_box.translation_m - map_from_camera.translation_m
-        away_m, radius_m = float(np.linalg.norm(apart_m)), float(np.linalg.norm(body.half_sizes_m))
-        if away_m <= radius_m:
-            return True
-        cosine = float(apart_m @ (map_from_camera.rotation_matrix() @ axis)) / away_m
-        aside_rad = math.acos(min(max(cosine, -1.0), 1.0)) - math.asin(radius_m / away_m)
-        return aside_rad <= widest_rad + _MARGIN
+        away_m = np.maximum(np.linalg.norm(apart_m, axis=1), 1e-12)
+        radii_m = np.linalg.norm(boxes.half_sizes_m, axis=1)
+        aside_rad = np.arccos(np.clip(apart_m @ (map_from_optical @ axis) / away_m, -1.0, 1.0))
+        ball_rad = np.arcsin(np.minimum(radii_m / away_m, 1.0))
+        is_around: npt.NDArray[np.bool_] = away_m <= radii_m
+        return is_around | (aside_rad - ball_rad <= widest_rad + _MARGIN)
 
     def _cast_shadows(
         self,
@@ -296,13 +303,12 @@ class Painter:
         strength: float,
     ) -> None:
         """Darken the floor around bodies."""
-        size = np.array((self.view.width, self.view.height))
+        size, boxes = np.array((self.view.width, self.view.height)), _Boxes.of(bodies)
+        reaches_m = np.hypot(boxes.half_sizes_m[:, 0], boxes.half_sizes_m[:, 1]) + _SHADOW_M
         rings = np.empty((len(bodies), len(_RING), 3))
-        for ring, body in zip(rings, bodies, strict=True):
-            half_x, half_y, _ = body.half_sizes_m.tolist()
-            ring[:, :2] = body.map_from_box.translation_m[:2]
-            ring[:, :2] += (math.hypot(half_x, half_y) + _SHADOW_M) * _RING
-            ring[:, 2] = body.ground_m
+        rings[:, :, :2] = reaches_m[:, np.newaxis, np.newaxis] * _RING
+        rings[:, :, :2] += boxes.centres_m[:, np.newaxis, :2]
+        rings[:, :, 2] = boxes.grounds_m[:, np.newaxis]
         points = map_from_camera.inverse().apply(rings.reshape(-1, 3))
         pixels = self.view.project(points).reshape(len(bodies), -1, 2)
         low, high = pixels.min(axis=1), pixels.max(axis=1)
@@ -310,19 +316,17 @@ class Painter:
         low = np.where(is_known.all(axis=1, keepdims=True), np.floor(low), 0)
         high = np.where(is_known.all(axis=1, keepdims=True), np.ceil(high) + 1, size)
         windows = np.concatenate((np.clip(low, 0, size), np.clip(high, 0, size)), axis=1)
-        boxes = []
-        for body in bodies:
-            x, y, _ = body.map_from_box.translation_m.tolist()
-            yaw_rad = body.map_from_box.yaw_rad()
-            half_x, half_y, _ = body.half_sizes_m.tolist()
-            box = (x, y, body.ground_m, math.cos(yaw_rad), math.sin(yaw_rad), half_x, half_y)
-            boxes.append(box)
+        yaws_rad = np.array([body.map_from_box.yaw_rad() for body in bodies])
+        foots = np.empty((len(bodies), 7), dtype=np.float32)
+        foots[:, :2], foots[:, 2] = boxes.centres_m[:, :2], boxes.grounds_m
+        foots[:, 3], foots[:, 4] = np.cos(yaws_rad), np.sin(yaws_rad)
+        foots[:, 5:] = boxes.half_sizes_m[:, :2]
         darken(
             self._flat_rays,
             windows.astype(np.int32),
             map_from_camera.translation_m.astype(np.float32),
             map_from_camera.rotation_matrix().astype(np.float32),
-            np.array(boxes, dtype=np.float32),
+            foots,
             real_m,
             np.float32(strength),
             self._shadow_left,
@@ -356,6 +360,28 @@ class Painter:
             painted,
         )
         return painted
+
+
+class _Boxes(NamedTuple):
+    """The boxes of N bodies in the map's frame.
+
+    Rotations (N, 3, 3), centres and half sizes (N, 3), and the heights of their grounds (N,) [m].
+    """
+
+    turns: npt.NDArray[np.float64]
+    centres_m: npt.NDArray[np.float64]
+    half_sizes_m: npt.NDArray[np.float64]
+    grounds_m: npt.NDArray[np.float64]
+
+    @classmethod
+    def of(cls, bodies: Sequence[PaintedBody]) -> "_Boxes":
+        """Return the boxes of bodies."""
+        return cls(
+            np.array([body.map_from_box.rotation_matrix() for body in bodies]).reshape(-1, 3, 3),
+            np.array([body.map_from_box.translation_m for body in bodies]).reshape(-1, 3),
+            np.array([body.half_sizes_m for body in bodies]).reshape(-1, 3),
+            np.array([body.ground_m for body in bodies], dtype=np.float64),
+        )
 
 
 class _SurfaceSet:
@@ -405,13 +431,8 @@ def _joined(arrays: list[Any], shape: tuple[int, ...], kind: type[np.generic]) -
     return np.concatenate([np.empty(shape, dtype=kind), *arrays], dtype=kind, casting="same_kind")
 
 
-def _distance_m(half_sizes_m: npt.NDArray[np.float64], point_m: npt.NDArray[np.float64]) -> float:
-    """Return how far a point (3,), in the box's frame, is from a box; 0 inside."""
-    return float(np.linalg.norm(np.maximum(np.abs(point_m) - half_sizes_m, 0.0)))
-
-
-def _light(lighting: Lighting) -> npt.NDArray[np.float64]:
-    """Return the directions to the lamp and up in the map's frame, and the strengths (3, 3).
+def _lights(lighting: Lighting) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return the directions to the lamp and up in the map's frame (2, 3), and the strengths (3,).
 
     These are of the lamp, of the sky above, and of the ground below.
     """
@@ -421,7 +442,7 @@ def _light(lighting: Lighting) -> npt.NDArray[np.float64]:
         level * math.sin(lighting.azimuth_rad),
         math.sin(lighting.elevation_rad),
     )
-    return np.array((lamp, (0.0, 0.0, 1.0), (0.55, 0.5, 0.28)))
+    return np.array((lamp, (0.0, 0.0, 1.0))), np.array((0.55, 0.5, 0.28))
 
 
 def _taps(blur_px: float) -> Floats:

@@ -192,7 +192,7 @@ def place_points(
     cameras_from_boxes: npt.NDArray[np.float64],
     placed: npt.NDArray[np.float64],
 ) -> None:
-    """Write all points in the camera's frame (V, 3); `cameras_from_boxes` are (N, 4, 4)."""
+    """Write all points in the camera's frame (V, 3); `cameras_from_boxes` are (N, 3, 4)."""
     for body in range(cameras_from_boxes.shape[0]):
         matrix = cameras_from_boxes[body]
         for point in range(corners.starts[body, 0], corners.starts[body + 1, 0]):
