@@ -292,8 +292,9 @@ class Painter:
         radii_m = np.linalg.norm(boxes.half_sizes_m, axis=1)
         aside_rad = np.arccos(np.clip(apart_m @ (map_from_optical @ axis) / away_m, -1.0, 1.0))
         ball_rad = np.arcsin(np.minimum(radii_m / away_m, 1.0))
-        is_around: npt.NDArray[np.bool_] = away_m <= radii_m
-        return is_around | (aside_rad - ball_rad <= widest_rad + _MARGIN)
+        is_near = aside_rad - ball_rad <= widest_rad + _MARGIN
+        seen: npt.NDArray[np.bool_] = (away_m <= radii_m) | is_near
+        return seen
 
     def _cast_shadows(
         self,
