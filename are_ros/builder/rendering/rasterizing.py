@@ -22,6 +22,7 @@ from are_ros._compiled import borrowing, inlined
 
 Floats = npt.NDArray[np.float32]
 Integers = npt.NDArray[np.int32]
+Side = tuple[np.float32, np.float32, np.float32, np.float32, np.float32]
 
 SAMPLES: Final = 4
 """Samples of a pixel, 2 x 2, row by row."""
@@ -50,6 +51,7 @@ FLOOR_M: Final = np.float32(0.06)
 """A real surface that is less than this above the artefact's ground is the ground: it hides
 nothing, however noisy it is."""
 _ROOM_PX: Final = 0.1
+_PER_WIDE: Final = np.float32(1.0 / WIDE)
 _WIDE_BLOCKS: Final = 5
 """In a triangle of fewer blocks a row, it does not pay to ask which of them it may meet."""
 _ZERO: Final = np.float32(0.0)
@@ -416,8 +418,10 @@ def draw_in_band(blocks: Floats, faces: Faces, heads: Integers, top: int, bottom
         if right - left < _WIDE_BLOCKS:
             _draw_part(blocks, planes, number, left, right, first - top, end - top)
         else:
+            outline = faces.outlines[face]
+            sides = _side(outline, 0, 1), _side(outline, 1, 2), _side(outline, 2, 0)
             for row in range(first, end):
-                begin, stop = _span(faces.outlines[face], row, left, right)
+                begin, stop = _span(sides, outline[6], row, left, right)
                 _draw_part(blocks, planes, number, begin, stop, row - top, row - top + 1)
         if bounds[3] > bottom:
             faces.following[face], heads[1] = heads[1], number
@@ -452,30 +456,35 @@ def _draw_part(
 
 
 @inlined
-def _span(outline: Floats, row: int, left: int, right: int) -> tuple[int, int]:
+def _side(outline: Floats, one: int, other: int) -> Side:
+    """Return a side of a triangle in the image: x, y of its upper end, x, y of the lower, slope."""
+    x, y = outline[2 * one], outline[2 * one + 1]
+    to_x, to_y = outline[2 * other], outline[2 * other + 1]
+    if y > to_y:
+        x, y, to_x, to_y = to_x, to_y, x, y
+    return x, y, to_x, to_y, (to_x - x) / max(to_y - y, np.float32(1e-6))
+
+
+@inlined
+def _span(
+    sides: tuple[Side, Side, Side], room: np.float32, row: int, left: int, right: int
+) -> tuple[int, int]:
     """Return which blocks of a row, of those from left to right, may meet a triangle."""
-    room = outline[6]
     if not room < _INFINITE:
         return left, right
     top, bottom = row - np.float32(0.25) - room, row + np.float32(0.25) + room
     low, high = _INFINITE, -_INFINITE
-    for corner in range(3):
-        other = corner + 1 if corner < 2 else 0
-        x, y = outline[2 * corner], outline[2 * corner + 1]
-        to_x, to_y = outline[2 * other], outline[2 * other + 1]
-        if y > to_y:
-            x, y, to_x, to_y = to_x, to_y, x, y
+    for x, y, to_x, to_y, slope in sides:
         if to_y < top or y > bottom:
             continue
-        slope = (to_x - x) / max(to_y - y, np.float32(1e-6))
         first = x + slope * (top - y) if y < top else x
         last = to_x - slope * (to_y - bottom) if to_y > bottom else to_x
         low, high = min(low, first, last), max(high, first, last)
     if low > high:
         return left, left
     reach = room + np.float32(0.35)
-    begin = max(int((low - reach) // np.float32(WIDE)), left)
-    return begin, max(min(int((high + reach) // np.float32(WIDE)) + 1, right), left)
+    begin = max(int((low - reach) * _PER_WIDE), left)
+    return begin, max(min(int((high + reach) * _PER_WIDE) + 1, right), left)
 
 
 @borrowing
