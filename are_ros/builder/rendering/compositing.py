@@ -36,14 +36,14 @@ def compose(
 ) -> None:
     """Lay a layer (H, 4 W) over pixels (H, W, 3), whose light the shadow (H, W) lowers before.
 
-    Both are blurred with the `taps` (2 R + 1,); `marks` (H, B) are the blocks of `WIDE` pixels where
-    they may not be 0 and 1. `gain` (3,) is the strength of the light, `noise` the deviation of
-    what the sensor adds, in steps of 8 bits, from a `seed`. `linear` (256,) and `srgb` (4096,)
-    convert. `spread` (2, B) and `rows` (3, 4 W + 8 R) are room. Other pixels keep their bits.
+    The layer is blurred with the `taps` (2 R + 1,), which are symmetric; `marks` (H, B) are the
+    blocks of `WIDE` pixels where layer and shadow may not be 0 and 1. `gain` (3,) is the strength of
+    the light, `noise` the deviation of what the sensor adds, in steps of 8 bits, from a `seed`.
+    `linear` (256,) and `srgb` (4096,) convert. `spread` (2, B) and `rows` (2, 4 W + 8 R) are room.
+    Other pixels keep their bits.
     """
     height, width, reach = shadow.shape[0], shadow.shape[1], -(-(taps.size // 2) // WIDE)
-    room, over, kept = rows[0], rows[1], rows[2]
-    tall, near = spread[0], spread[1]
+    room, over, tall, near = rows[0], rows[1], spread[0], spread[1]
     for row in range(height):
         _spread(marks, row, taps.size // 2, reach, tall, near)
         block = 0
@@ -52,17 +52,13 @@ def compose(
             while block < near.size and near[block] == what:
                 block += 1
             left, right = start * WIDE, min(block * WIDE, width)
-            if what & LAYER:
-                _blur(layer, row, left, right, taps, 4, room, over)
-            if what & SHADOW:
-                _blur(shadow, row, left, right, taps, 1, room, kept)
+            kept = shadow[row, left:right]
             if what == SHADOW:
                 _shade_row(pixels[row, left:right], kept, linear, srgb)
             elif what:
+                _blur(layer, row, left, right, taps, room, over)
                 number = seed + np.uint64(row * width + left) * _STEP
-                _mix_row(
-                    pixels[row, left:right], over, kept, what & SHADOW, gain, noise, number, linear, srgb
-                )
+                _mix_row(pixels[row, left:right], over, kept, gain, noise, number, linear, srgb)
 
 
 @inlined
@@ -80,7 +76,6 @@ def _mix_row(
     pixels: Bytes,
     over: Floats,
     kept: Floats,
-    is_shaded: int,
     gain: Floats,
     noise: np.float32,
     number: np.uint64,
@@ -89,7 +84,7 @@ def _mix_row(
 ) -> None:
     """Lay blurred parts of the layer over pixels (N, 3); the noise is that from a number on."""
     for place in range(pixels.shape[0]):
-        pixel, light = pixels[place], kept[place] if is_shaded else _ONE
+        pixel, light = pixels[place], kept[place]
         mine = over[4 * place : 4 * place + 4]
         alpha = min(mine[3], _ONE)
         if alpha <= np.float32(0.002):
@@ -107,12 +102,13 @@ def _mix_row(
 
 @borrowing
 def _spread(marks: Bytes, row: int, radius: int, reach: int, tall: Bytes, near: Bytes) -> None:
-    """Write the marks of a row, and of those up to `radius` rows and `reach` blocks beside it.
+    """Write the marks of a row; those of the layer spread by `radius` rows and `reach` blocks.
 
-    Those of the same blocks are written to `tall`.
+    Those that are spread by rows only are written to `tall`.
     """
-    for block in range(tall.size):
-        tall[block] = near[block] = 0
+    own = marks[row]
+    for block in range(own.size):
+        tall[block], near[block] = own[block], own[block]
     for other in range(max(row - radius, 0), min(row + radius + 1, marks.shape[0])):
         beside = marks[other]
         for block in range(tall.size):
@@ -121,7 +117,7 @@ def _spread(marks: Bytes, row: int, radius: int, reach: int, tall: Bytes, near: 
         here = near[max(-shift, 0) : near.size - max(shift, 0)]
         there = tall[max(shift, 0) : near.size - max(-shift, 0)]
         for block in range(here.size):
-            here[block] |= there[block]
+            here[block] |= there[block] & LAYER
 
 
 @inlined
@@ -157,42 +153,39 @@ def _blur(
     first: int,
     end: int,
     taps: Floats,
-    channels: int,
     room: Floats,
     blurred: Floats,
 ) -> None:
-    """Write the blurred columns from `first` to `end`, the end left out, of a row of an image.
+    """Write the blurred columns from `first` to `end`, the end left out, of a row of a layer.
 
-    The `taps` (2 R + 1,) are symmetric. Beyond the image's edge it goes on with its outermost pixels.
+    Beyond the image's edge it goes on with its outermost pixels.
     """
-    if first >= end:
-        return
-    radius, height, width = taps.size // 2, image.shape[0], image.shape[1] // channels
+    radius, height, width = taps.size // 2, image.shape[0], image.shape[1] // 4
     low, high = max(first - radius, 0), min(end + radius, width)
-    before = (low - first + radius) * channels
-    down = room[before : before + (high - low) * channels]
-    middle, share = image[row, low * channels : high * channels], taps[radius]
+    before = (low - first + radius) * 4
+    down = room[before : before + (high - low) * 4]
+    middle, share = image[row, low * 4 : high * 4], taps[radius]
     for j in range(down.size):
         down[j] = share * middle[j]
     for step in range(1, radius + 1):
         above, below, share = max(row - step, 0), min(row + step, height - 1), taps[radius + step]
-        one = image[above, low * channels : high * channels]
-        other = image[below, low * channels : high * channels]
+        one = image[above, low * 4 : high * 4]
+        other = image[below, low * 4 : high * 4]
         for j in range(down.size):
             down[j] += share * (one[j] + other[j])
     for j in range(before):
-        room[j] = down[j % channels]
+        room[j] = down[j % 4]
     behind = before + down.size
-    for j in range((end + radius - high) * channels):
-        room[behind + j] = down[down.size - channels + j % channels]
-    across, here = blurred[: (end - first) * channels], radius * channels
+    for j in range((end + radius - high) * 4):
+        room[behind + j] = down[down.size - 4 + j % 4]
+    across, here = blurred[: (end - first) * 4], radius * 4
     centre, share = room[here : here + across.size], taps[radius]
     for j in range(across.size):
         across[j] = share * centre[j]
     for step in range(1, radius + 1):
         share = taps[radius + step]
-        one = room[here - step * channels : here - step * channels + across.size]
-        other = room[here + step * channels : here + step * channels + across.size]
+        one = room[here - step * 4 : here - step * 4 + across.size]
+        other = room[here + step * 4 : here + step * 4 + across.size]
         for j in range(across.size):
             across[j] += share * (one[j] + other[j])
 

@@ -142,7 +142,8 @@ def collapse(
                 best, target, keeps = errors[point] + cost, to, keeps_looks
         if target >= 0:
             _move(point, target, keeps, indices, wedges, is_left, first, following)
-            errors[target] = max(errors[target], best)
+            for k in range(count):
+                errors[around[k]] = max(errors[around[k]], best)
 
 
 @borrowing

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -92,7 +92,7 @@ class Painting:
 class Painter:
     """Paints what one camera sees. Its rays are computed once."""
 
-    def __init__(self, view: PinholeView | FisheyeView, tolerance_px: float = 0.5) -> None:
+    def __init__(self, view: PinholeView | FisheyeView, tolerance_px: float = 1.0) -> None:
         self.view = view
         self._tolerance_rad = tolerance_px / max(view.fx, view.fy)
         height, width = view.height, view.width
@@ -137,12 +137,13 @@ class Painter:
         `real_m` float32 (H, W) are the ranges of what is really there, inf where nothing is.
         """
         mask = np.full((self.view.height, self.view.width), -1, dtype=np.int32)
-        met, seen = self._draw(bodies, map_from_camera, real_m, lighting, mask)
+        boxes = _Boxes.of(bodies)
+        met, seen = self._draw(bodies, boxes, map_from_camera, real_m, lighting, mask)
         fractions = np.where(met > 0, seen / np.maximum(met, 1), np.nan)
         painted = None
         if seen.any():
             if lighting.shadow > 0.0:
-                casting = [body for body, count in zip(bodies, seen, strict=True) if count]
+                casting = _Boxes(*(numbers[seen > 0] for numbers in boxes))
                 self._cast_shadows(casting, map_from_camera, real_m, lighting.shadow)
             painted = self._composed(pixels, lighting, random)
         clear(self._layer, self._shadow_left, self._marks)
@@ -151,6 +152,7 @@ class Painter:
     def _draw(
         self,
         bodies: Sequence[PaintedBody],
+        boxes: "_Boxes",
         map_from_camera: RigidTransform,
         real_m: Floats,
         lighting: Lighting,
@@ -161,7 +163,6 @@ class Painter:
         Return how many samples meet each, hidden or not, and how many see it, int64 (2, N).
         """
         counts = np.zeros((2, len(bodies)), dtype=np.int64)
-        boxes = _Boxes.of(bodies)
         map_from_optical = map_from_camera.rotation_matrix()
         apart_m = boxes.centres_m - map_from_camera.translation_m
         near = np.flatnonzero(self._may_see(boxes, apart_m, map_from_optical))
@@ -298,29 +299,30 @@ class Painter:
 
     def _cast_shadows(
         self,
-        bodies: Sequence[PaintedBody],
+        boxes: "_Boxes",
         map_from_camera: RigidTransform,
         real_m: Floats,
         strength: float,
     ) -> None:
         """Darken the floor around bodies."""
-        size, boxes = np.array((self.view.width, self.view.height)), _Boxes.of(bodies)
+        size, count = np.array((self.view.width, self.view.height)), len(boxes.grounds_m)
         reaches_m = np.hypot(boxes.half_sizes_m[:, 0], boxes.half_sizes_m[:, 1]) + _SHADOW_M
-        rings = np.empty((len(bodies), len(_RING), 3))
+        rings = np.empty((count, len(_RING), 3))
         rings[:, :, :2] = reaches_m[:, np.newaxis, np.newaxis] * _RING
         rings[:, :, :2] += boxes.centres_m[:, np.newaxis, :2]
         rings[:, :, 2] = boxes.grounds_m[:, np.newaxis]
         points = map_from_camera.inverse().apply(rings.reshape(-1, 3))
-        pixels = self.view.project(points).reshape(len(bodies), -1, 2)
+        pixels = self.view.project(points).reshape(count, -1, 2)
         low, high = pixels.min(axis=1), pixels.max(axis=1)
         is_known = np.isfinite(low + high)  # else the ring may reach behind the camera
         low = np.where(is_known.all(axis=1, keepdims=True), np.floor(low), 0)
         high = np.where(is_known.all(axis=1, keepdims=True), np.ceil(high) + 1, size)
         windows = np.concatenate((np.clip(low, 0, size), np.clip(high, 0, size)), axis=1)
-        yaws_rad = np.array([body.map_from_box.yaw_rad() for body in bodies])
-        foots = np.empty((len(bodies), 7), dtype=np.float32)
+        level = boxes.turns[:, :2, 0]  # the box's x axis in the map's plane
+        level = level / np.linalg.norm(level, axis=1, keepdims=True)
+        foots = np.empty((count, 7), dtype=np.float32)
         foots[:, :2], foots[:, 2] = boxes.centres_m[:, :2], boxes.grounds_m
-        foots[:, 3], foots[:, 4] = np.cos(yaws_rad), np.sin(yaws_rad)
+        foots[:, 3:5] = level
         foots[:, 5:] = boxes.half_sizes_m[:, :2]
         darken(
             self._flat_rays,
@@ -343,21 +345,22 @@ class Painter:
         if lighting.is_estimated:
             mean = np.empty(3, dtype=np.float32)
             mean_light(painted, _LINEAR, mean)
-            cast = np.sqrt(np.maximum(mean, 1e-4) / max(float(mean.mean()), 1e-4))
-            gain *= np.clip(mean.mean() / _GREY, _DARKEST, _BRIGHTEST) * cast
+            whole = float(mean.mean())
+            gain *= np.sqrt(np.maximum(mean, 1e-4) / max(whole, 1e-4))
+            gain *= min(max(whole / _GREY, _DARKEST), _BRIGHTEST)
         taps = _taps(lighting.blur_px)
         compose(
             self._layer,
             self._shadow_left,
             self._marks,
             taps,
-            gain.astype(np.float32),
+            gain,
             np.float32(lighting.noise),
             random.integers(2**64, dtype=np.uint64),
             _LINEAR,
             _SRGB,
             np.empty((2, self._marks.shape[1]), dtype=np.uint8),
-            np.empty((3, 4 * (self.view.width + len(taps))), dtype=np.float32),
+            np.empty((2, 4 * (self.view.width + len(taps))), dtype=np.float32),
             painted,
         )
         return painted
@@ -446,6 +449,7 @@ def _lights(lighting: Lighting) -> tuple[npt.NDArray[np.float64], npt.NDArray[np
     return np.array((lamp, (0.0, 0.0, 1.0))), np.array((0.55, 0.5, 0.28))
 
 
+@lru_cache(maxsize=4)
 def _taps(blur_px: float) -> Floats:
     """Return the weights of a Gaussian blur, float32 (2 R + 1,)."""
     radius = math.ceil(3.0 * blur_px)

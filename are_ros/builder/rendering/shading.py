@@ -29,9 +29,9 @@ Integers = npt.NDArray[np.int32]
 _ZERO: Final = np.float32(0.0)
 _ONE: Final = np.float32(1.0)
 _PART: Final = np.float32(1.0 / SAMPLES)
-_NEAR_M: Final = np.float32(0.12)
-_WIDE_M: Final = np.float32(0.6)
-"""How far the dark seam below a body reaches, and its whole shadow."""
+_PER_NEAR: Final = np.float32(1.0 / 0.12)
+_PER_WIDE: Final = np.float32(1.0 / 0.6)
+"""The dark seam below a body reaches as far as 0.12 m, and its whole shadow 0.6 m: per metre."""
 
 
 class Textures(NamedTuple):
@@ -151,8 +151,8 @@ def _shade(
     `marks` (H, B) are the blocks that may have such faces. `mask` (H, W) becomes the body that has
     at least two of a pixel's samples (of two with two each the one with the higher number), and
     `seen` the number of each body's samples. `rays` (3, H, W) are those of pixels. `linear` (256,) are the intensities of sRGB
-    values. A face is shaded once a pixel: along the pixel's own ray where all samples meet it, else
-    along that of a sample. Where all see one body, but several faces of it, two samples do.
+    values. Where all samples see one face, it is shaded along the pixel's own ray; where they see
+    one body, but several faces of it, along those of two samples; else along those of all.
     """
     first, end = window[0] // WIDE, (window[2] + WIDE - 1) // WIDE
     lanes, half = np.uint32(blocks.shape[2] // 8), np.float32(0.5)  # as in `merge`
@@ -229,20 +229,16 @@ def _add_several(
     linear: Floats,
     out: Floats,
 ) -> None:
-    """Add the light of the faces that a pixel of a block sees, each once, at its first sample."""
+    """Add the light that comes to the samples of a pixel of a block."""
     for sample in range(SAMPLES):
         lane = WIDE * sample + place
-        face, share, is_known = block[FRONT_FACE + lane], _ZERO, False
-        for other in range(SAMPLES):
-            is_same = block[FRONT_FACE + WIDE * other + place] == face
-            share += _PART if is_same else _ZERO
-            is_known = is_known or (is_same and other < sample)
-        if face >= _ZERO and not is_known:
-            red, green, blue = _light_at(block, lane, np.int32(face), faces, textures, linear)
-            out[0] += share * red
-            out[1] += share * green
-            out[2] += share * blue
-            out[3] += share
+        face = np.int32(block[FRONT_FACE + lane])
+        if face >= 0:
+            red, green, blue = _light_at(block, lane, face, faces, textures, linear)
+            out[0] += _PART * red
+            out[1] += _PART * green
+            out[2] += _PART * blue
+            out[3] += _PART
 
 
 @inlined
@@ -371,7 +367,7 @@ def _darken(
             along, across = (cosine * px + sine * py) * per_x, (cosine * py - sine * px) * per_y
             away_m = (np.sqrt(along * along + across * across) - np.float32(0.75)) * narrow
             away_m = max(_ZERO, away_m)
-            near, wide = _fading(away_m / _NEAR_M), _fading(away_m / _WIDE_M)
+            near, wide = _fading(away_m * _PER_NEAR), _fading(away_m * _PER_WIDE)
             dark = strength * (np.float32(0.6) * near + np.float32(0.4) * wide)
             light = _ONE - (dark if is_floor else _ZERO)
             kept[column] = min(kept[column], light)
