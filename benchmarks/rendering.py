@@ -8,11 +8,14 @@ away, as a robot sees them; through a lens without distortion, which is what VTK
 VTK (pip install vtk) gets the same surfaces, triangles with normals and colours, as actors that
 stay; at each image their poses change, it draws with four samples a pixel, and colours and depths
 are read back. Ours paints coarser surfaces of what is far away; VTK gets the whole ones, as a user
-would give it, and once more those that ours takes in the first image. Then numpy and OpenCV compare the depths with the real ones, and lay the colours over the image,
-blurred as ours are. Ours is the whole job, too, and besides shadows, noise, mask and visible
-shares. VTK draws with what OpenGL the machine has, on a server in software. All on one thread
+would give it, and once more those that ours takes for the first image. Then numpy and OpenCV
+compare the depths with the real ones, and lay the colours over the image, blurred as ours are. Ours
+is the whole job, too, and besides shadows, noise, mask and visible shares.
+
+VTK draws with what OpenGL the machine has, on a server in software. All on one thread
 (LP_NUM_THREADS=0 keeps Mesa to one, OpenCV is told). Medians and least values, of interleaved
-images, of the processor's time, in which other work on the machine does not count, and their ratios.
+images, of the processor's time, in which the waiting for other work on the machine does not count,
+and their ratios.
 """
 
 import os

@@ -37,8 +37,8 @@ def compose(
     """Lay a layer (H, 4 W) over pixels (H, W, 3), whose light the shadow (H, W) lowers before.
 
     The layer is blurred with the `taps` (2 R + 1,), which are symmetric; `marks` (H, B) are the
-    blocks of `WIDE` pixels where layer and shadow may not be 0 and 1. `gain` (3,) is the strength of
-    the light, `noise` the deviation of what the sensor adds, in steps of 8 bits, from a `seed`.
+    blocks of `WIDE` pixels where layer and shadow may not be 0 and 1. `gain` (3,) is the strength
+    of the light, `noise` the deviation of what the sensor adds, in steps of 8 bits, from a `seed`.
     `linear` (256,) and `srgb` (4096,) convert. `spread` (2, B) and `rows` (2, 4 W + 8 R) are room.
     Other pixels keep their bits.
     """

@@ -1,13 +1,15 @@
 """Coarser surfaces for bodies that are far away: mesh decimation within a tolerance.
 
 Points are removed one at a time: a point moves onto a neighbour (a half-edge collapse), the
-triangles between both vanish, and those around it stretch. Only if the removed point stays within
-the tolerance of the surface, if no triangle turns over, and if the surface stays connected as it
-was (the link condition of Dey et al. 1999). Points never move elsewhere, so normals, colours and
-places in a texture at those that are left are the given ones.
+triangles between both vanish, and those around it stretch. Only if the point, and the middles of its edges, stay within the tolerance of
+the surface, if no triangle turns over, and if the surface stays connected as it was (the link
+condition of Dey et al. 1999). Points never move elsewhere, so normals, colours and places in a
+texture at those that are left are the given ones. What one collapse moves is added to what earlier
+ones moved anywhere around, so no sum of them exceeds the tolerance.
 
-An edge where these differ from side to side, or where the surface ends, is a seam. A point on a
-seam moves only along it, and stays within the tolerance of its line.
+An edge where looks differ from side to side, or where the surface ends, is a seam. A point on a
+seam moves only along it, and stays within the tolerance of its line; or by less than the tolerance,
+and then the corners that move keep their looks.
 """
 
 from typing import Final
@@ -135,6 +137,7 @@ def collapse(
                 wedges,
                 looks,
                 tolerance_m,
+                best - errors[point],
                 first,
                 following,
             )
@@ -227,6 +230,7 @@ def _cost(
     wedges: Integers,
     looks: Floats,
     tolerance_m: float,
+    most: float,
     first: Integers,
     following: Integers,
 ) -> tuple[float, bool]:
@@ -234,7 +238,8 @@ def _cost(
 
     It is inf if that must not be. Looks count, too, unless all of the surface moves so little that
     each corner may keep its own: this is told second. Of a point on a seam, the `line` goes on to
-    another point; to itself, if the neighbour is not on the seam.
+    another point; to itself, if the neighbour is not on the seam. What is more than `most` need not
+    be exact.
     """
     ux, uy, uz = points[point, 0], points[point, 1], points[point, 2]
     vx, vy, vz = points[to, 0] - ux, points[to, 1] - uy, points[to, 2] - uz
@@ -271,23 +276,8 @@ def _cost(
             cost = np.inf
         if cost == np.inf:
             continue
-        # weights of a and b of the place next to the point, on the triangle
-        ee, ef, ff = (
-            ex * ex + ey * ey + ez * ez,
-            ex * fx + ey * fy + ez * fz,
-            fx * fx + fy * fy + fz * fz,
-        )
-        eo, fo = -(ex * vx + ey * vy + ez * vz), -(fx * vx + fy * vy + fz * vz)
-        per = 1.0 / max(ee * ff - ef * ef, 1e-30)
-        s, t = per * (ff * eo - ef * fo), per * (ee * fo - ef * eo)
-        if s < 0.0:
-            s, t = 0.0, min(max(fo / max(ff, 1e-30), 0.0), 1.0)
-        elif t < 0.0:
-            s, t = min(max(eo / max(ee, 1e-30), 0.0), 1.0), 0.0
-        elif s + t > 1.0:
-            s, t = s / (s + t), t / (s + t)
-        x, y, z = vx + s * ex + t * fx, vy + s * ey + t * fy, vz + s * ez + t * fz
-        away = np.sqrt(x * x + y * y + z * z) / tolerance_m
+        s, t, away = _place(-vx, -vy, -vz, ex, ey, ez, fx, fy, fz)
+        away /= tolerance_m
         if away < nearest:
             nearest = away
             apart = _apart(
@@ -302,7 +292,85 @@ def _cost(
     if not is_any:
         return np.inf, False
     cost = max(cost, nearest, apart)
+    if cost <= edge and cost <= most:
+        cost = max(cost, _middles_apart(point, to, points, indices, first, following) / tolerance_m)
     return (cost, False) if cost <= edge else (edge, True)
+
+
+@borrowing
+def _middles_apart(
+    point: int,
+    to: int,
+    points: Floats,
+    indices: Integers,
+    first: Integers,
+    following: Integers,
+) -> float:
+    """Return how far the middles of the edges at a point are from the surface after a collapse."""
+    most, outer = 0.0, first[point]
+    while outer >= 0:
+        end = indices[outer // 3, (outer % 3 + 1) % 3]
+        outer = following[outer]
+        mx, my, mz = (
+            0.5 * (points[point, 0] + points[end, 0]) - points[to, 0],
+            0.5 * (points[point, 1] + points[end, 1]) - points[to, 1],
+            0.5 * (points[point, 2] + points[end, 2]) - points[to, 2],
+        )
+        nearest, corner = np.inf, first[point]
+        while corner >= 0:
+            triangle, place = corner // 3, corner % 3
+            corner = following[corner]
+            a, b = indices[triangle, (place + 1) % 3], indices[triangle, (place + 2) % 3]
+            if to in (a, b):
+                continue
+            _, _, away = _place(
+                mx,
+                my,
+                mz,
+                points[a, 0] - points[to, 0],
+                points[a, 1] - points[to, 1],
+                points[a, 2] - points[to, 2],
+                points[b, 0] - points[to, 0],
+                points[b, 1] - points[to, 1],
+                points[b, 2] - points[to, 2],
+            )
+            nearest = min(nearest, away)
+        most = max(most, nearest)
+    return most
+
+
+@inlined
+def _place(
+    x: float,
+    y: float,
+    z: float,
+    ex: float,
+    ey: float,
+    ez: float,
+    fx: float,
+    fy: float,
+    fz: float,
+) -> tuple[float, float, float]:
+    """Return a place on a triangle near a point: its weights of two corners, and how far it is.
+
+    The point and these corners are seen from the third. It is the nearest place, or one on a side.
+    """
+    ee, ef, ff = (
+        ex * ex + ey * ey + ez * ez,
+        ex * fx + ey * fy + ez * fz,
+        fx * fx + fy * fy + fz * fz,
+    )
+    eo, fo = ex * x + ey * y + ez * z, fx * x + fy * y + fz * z
+    per = 1.0 / max(ee * ff - ef * ef, 1e-30)
+    s, t = per * (ff * eo - ef * fo), per * (ee * fo - ef * eo)
+    if s < 0.0:
+        s, t = 0.0, min(max(fo / max(ff, 1e-30), 0.0), 1.0)
+    elif t < 0.0:
+        s, t = min(max(eo / max(ee, 1e-30), 0.0), 1.0), 0.0
+    elif s + t > 1.0:
+        s, t = s / (s + t), t / (s + t)
+    dx, dy, dz = s * ex + t * fx - x, s * ey + t * fy - y, s * ez + t * fz - z
+    return s, t, np.sqrt(dx * dx + dy * dy + dz * dz)
 
 
 @inlined

@@ -170,7 +170,7 @@ class Painter:
         cameras_m = -np.matmul(apart_m[:, np.newaxis], turns)[:, 0]
         away_m = np.maximum(np.abs(cameras_m) - boxes.half_sizes_m[near], 0.0)
         tolerances_m = self._tolerance_rad * np.sqrt((away_m * away_m).sum(axis=1))
-        surfaces = [bodies[k].surface for k in near]
+        surfaces = [bodies[k].surface for k in near.tolist()]
         self._surfaces.hold([s.within(m) for s, m in zip(surfaces, tolerances_m, strict=True)])
         corners = self._surfaces.corners
         if len(corners.indices) >= len(self._faces.owners):

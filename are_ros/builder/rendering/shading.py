@@ -124,9 +124,7 @@ def render(
                 blocks,
                 marks,
             )
-        _shade(
-            rays, whole, top, bottom, faces, textures, linear, blocks, marks, mask, seen, layer
-        )
+        _shade(rays, whole, top, bottom, faces, textures, linear, blocks, marks, mask, seen, layer)
 
 
 @borrowing
@@ -150,9 +148,10 @@ def _shade(
     and the covered share, for each pixel of the `window`.
     `marks` (H, B) are the blocks that may have such faces. `mask` (H, W) becomes the body that has
     at least two of a pixel's samples (of two with two each the one with the higher number), and
-    `seen` the number of each body's samples. `rays` (3, H, W) are those of pixels. `linear` (256,) are the intensities of sRGB
-    values. Where all samples see one face, it is shaded along the pixel's own ray; where they see
-    one body, but several faces of it, along those of two samples; else along those of all.
+    `seen` the number of each body's samples. `rays` (3, H, W) are those of pixels. `linear` (256,)
+    are the intensities of sRGB values. Where all samples see one face, it is shaded along the
+    pixel's own ray; where they see one body, but several faces of it, along those of two samples;
+    else along those of all.
     """
     first, end = window[0] // WIDE, (window[2] + WIDE - 1) // WIDE
     lanes, half = np.uint32(blocks.shape[2] // 8), np.float32(0.5)  # as in `merge`
@@ -340,8 +339,9 @@ def _darken(
 
     `rays` (3, H, W) are those of pixels, `camera` (3,) the camera's place, `map_from_camera` (3, 3)
     its rotation, `box` (7,) the body's x, y, the height of its ground, cosine and sine of its yaw,
-    and half its length and width. `window` is in pixels; the blocks of `marks` (H, B) from the first
-    to the last darker pixel of a row get a mark. Where what is really there is no floor, nothing changes.
+    and half its length and width. `window` is in pixels; the blocks of `marks` (H, B) from the
+    first to the last darker pixel of a row get a mark. Where what is really there is no floor,
+    nothing changes.
     """
     left, right = window[0], window[2]
     drop = box[2] - camera[2]
