@@ -1,11 +1,11 @@
 """Coarser surfaces for bodies that are far away: mesh decimation within a tolerance.
 
 Points are removed one at a time: a point moves onto a neighbour (a half-edge collapse), the
-triangles between both vanish, and those around it stretch. Only if the point, and the middles of its edges, stay within the tolerance of
-the surface, if no triangle turns over, and if the surface stays connected as it was (the link
-condition of Dey et al. 1999). Points never move elsewhere, so normals, colours and places in a
-texture at those that are left are the given ones. What one collapse moves is added to what earlier
-ones moved anywhere around, so no sum of them exceeds the tolerance.
+triangles between both vanish, and those around it stretch. Only if the point, and the middles of
+its edges, stay within the tolerance of the surface, if no triangle turns over, and if the surface
+stays connected as it was (the link condition of Dey et al. 1999). Points never move elsewhere, so
+normals, colours and places in a texture at those that are left are the given ones. What a collapse
+moves is added to what earlier ones moved around it, so that their sum keeps within the tolerance.
 
 An edge where looks differ from side to side, or where the surface ends, is a seam. A point on a
 seam moves only along it, and stays within the tolerance of its line; or by less than the tolerance,
