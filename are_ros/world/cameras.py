@@ -265,7 +265,9 @@ class PinholeView:
             is_outside = np.hypot(x, y) > self._radial_limit
             x, y = _distorted(x, y, np.array(self.distortion))[:2]
             x[is_outside] = y[is_outside] = np.nan
-        return np.column_stack((self.fx * x + self.cx, self.fy * y + self.cy))
+        pixels = np.empty((len(points), 2))
+        pixels[:, 0], pixels[:, 1] = self.fx * x + self.cx, self.fy * y + self.cy
+        return pixels
 
     def _rotation(self) -> npt.NDArray[np.float64]:
         numbers = self.rectified_from_camera

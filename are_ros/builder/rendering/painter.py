@@ -3,22 +3,23 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, Final
+from functools import cached_property, lru_cache
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros.builder.rendering.compositing import clear, compose, mean_light
 from are_ros.builder.rendering.rasterizing import (
+    ROWS,
     WIDE,
     Corners,
     Faces,
-    draw_bodies,
-    make_blocks,
+    make_band,
     place_points,
+    sample_rays,
 )
-from are_ros.builder.rendering.shading import Textures, darken, shade
+from are_ros.builder.rendering.shading import Textures, darken, render
 from are_ros.builder.rendering.surface import Surface, to_linear, to_srgb
 from are_ros.world.cameras import FisheyeView, PinholeView
 from are_ros.world.rigid_transform import RigidTransform
@@ -91,15 +92,16 @@ class Painting:
 class Painter:
     """Paints what one camera sees. Its rays are computed once."""
 
-    def __init__(self, view: PinholeView | FisheyeView) -> None:
+    def __init__(self, view: PinholeView | FisheyeView, tolerance_px: float = 1.0) -> None:
         self.view = view
+        self._tolerance_rad = tolerance_px / max(view.fx, view.fy)
         height, width = view.height, view.width
         self._layer = np.zeros((height, 4 * width), dtype=np.float32)
         self._shadow_left = np.ones((height, width), dtype=np.float32)
-        self._layer_spans = np.tile(np.array((width, 0), dtype=np.int32), (height, 1))
-        self._shadow_spans = self._layer_spans.copy()
+        self._marks = np.zeros((height, -(-width // WIDE)), dtype=np.uint8)
+        self._band = make_band(width)
+        self._least = np.zeros(WIDE * self._band.shape[1], dtype=np.float32)
         self._faces = Faces.room(0)
-        self._window = np.zeros((2, 4), dtype=np.int32)
         self._surfaces = _SurfaceSet()
 
     @cached_property
@@ -113,21 +115,13 @@ class Painter:
         return np.ascontiguousarray(self.rays.transpose(2, 0, 1))
 
     @cached_property
-    def blocks(self) -> Floats:
-        """The samples, in blocks; see `rasterizing`. Between images there is no body in them."""
-        return make_blocks(self.rays)
-
-    @cached_property
-    def _touched(self) -> npt.NDArray[np.uint8]:
-        return np.zeros(self.blocks.shape[:2], dtype=np.uint8)
-
-    @cached_property
-    def _least(self) -> Floats:
-        return np.zeros((self.view.height, WIDE * self.blocks.shape[1]), dtype=np.float32)
+    def samples(self) -> Floats:
+        """The unit rays of the samples, in blocks; see `rasterizing`."""
+        return sample_rays(self.rays)
 
     def prepare(self) -> None:
         """Compute the rays now, not when the first image comes."""
-        _ = self._flat_rays, self.blocks, self._planes, self._small_bulge_px
+        _ = self._flat_rays, self.samples, self._planes, self._small_bulge_px
 
     def paint(
         self,
@@ -142,77 +136,85 @@ class Painter:
 
         `real_m` float32 (H, W) are the ranges of what is really there, inf where nothing is.
         """
-        met = self._draw(bodies, map_from_camera, real_m, lighting)
         mask = np.full((self.view.height, self.view.width), -1, dtype=np.int32)
-        seen = np.zeros(len(bodies), dtype=np.int64)
-        shade(
-            self._flat_rays,
-            self._window[1],
-            self._faces,
-            self._surfaces.textures,
-            _LINEAR,
-            self.blocks,
-            self._touched,
-            mask,
-            seen,
-            self._layer,
-            self._layer_spans,
-        )
+        boxes = _Boxes.of(bodies)
+        met, seen = self._draw(bodies, boxes, map_from_camera, real_m, lighting, mask)
         fractions = np.where(met > 0, seen / np.maximum(met, 1), np.nan)
         painted = None
         if seen.any():
             if lighting.shadow > 0.0:
-                casting = [body for body, count in zip(bodies, seen, strict=True) if count]
+                casting = _Boxes(*(numbers[seen > 0] for numbers in boxes))
                 self._cast_shadows(casting, map_from_camera, real_m, lighting.shadow)
             painted = self._composed(pixels, lighting, random)
-        clear(self._layer, self._layer_spans, 4, np.float32(0.0))
-        clear(self._shadow_left, self._shadow_spans, 1, np.float32(1.0))
+        clear(self._layer, self._shadow_left, self._marks)
         return Painting(painted, mask, fractions)
 
     def _draw(
         self,
         bodies: Sequence[PaintedBody],
+        boxes: "_Boxes",
         map_from_camera: RigidTransform,
         real_m: Floats,
         lighting: Lighting,
+        mask: Indices,
     ) -> npt.NDArray[np.int64]:
-        """Draw all bodies; return how many samples meet each, hidden or not, int64 (N,)."""
-        met = np.zeros(len(bodies), dtype=np.int64)
-        near = [k for k, body in enumerate(bodies) if self._may_see(body, map_from_camera)]
-        self._surfaces.hold([bodies[k].surface for k in near])
+        """Draw all bodies into the layer and the mask.
+
+        Return how many samples meet each, hidden or not, and how many see it, int64 (2, N).
+        """
+        counts = np.zeros((2, len(bodies)), dtype=np.int64)
+        map_from_optical = map_from_camera.rotation_matrix()
+        apart_m = boxes.centres_m - map_from_camera.translation_m
+        near = np.flatnonzero(self._may_see(boxes, apart_m, map_from_optical))
+        turns, apart_m = boxes.turns[near], apart_m[near]
+        cameras_m = -np.matmul(apart_m[:, np.newaxis], turns)[:, 0]
+        away_m = np.maximum(np.abs(cameras_m) - boxes.half_sizes_m[near], 0.0)
+        tolerances_m = self._tolerance_rad * np.sqrt((away_m * away_m).sum(axis=1))
+        surfaces = [bodies[k].surface for k in near.tolist()]
+        self._surfaces.hold([s.within(m) for s, m in zip(surfaces, tolerances_m, strict=True)])
         corners = self._surfaces.corners
         if len(corners.indices) >= len(self._faces.owners):
             self._faces = Faces.room(len(corners.indices))
-        camera_from_map = map_from_camera.inverse()
-        poses = [(camera_from_map @ bodies[k].map_from_box).matrix() for k in near]
+        poses = np.empty((len(near), 3, 4))
+        poses[:, :, :3] = map_from_optical.T @ turns
+        poses[:, :, 3] = apart_m @ map_from_optical
         points = np.empty((len(corners.points_m), 3))
-        place_points(corners, np.array(poses).reshape(-1, 4, 4), points)
+        place_points(corners, poses, points)
         places = self.view.project(points)
-        light = _light(lighting)
-        turns = [bodies[k].map_from_box.rotation_matrix() for k in near]
-        cameras_m = [-pose[:3, :3].T @ pose[:3, 3] for pose in poses]
-        heights_m = [(map_from_camera.translation_m[2], bodies[k].ground_m) for k in near]
-        draw_bodies(
+        lights = np.empty((len(near), 3, 3))
+        lights[:, :2], lights[:, 2] = _lights(lighting)
+        lights[:, :2] = lights[:, :2] @ turns
+        heights_m = np.empty((len(near), 2), dtype=np.float32)
+        heights_m[:, 0], heights_m[:, 1] = map_from_camera.translation_m[2], boxes.grounds_m[near]
+        render(
             corners,
             points,
             places,
             self._bulges(points, places, corners.indices),
             self._planes,
-            np.array(near, dtype=np.int32),
-            np.array(cameras_m).reshape(-1, 3),
-            np.array([(*(light[:2] @ turn), light[2]) for turn in turns]).reshape(-1, 3, 3),
-            np.array(heights_m, dtype=np.float32).reshape(-1, 2),
-            map_from_camera.rotation_matrix()[2].astype(np.float32),
+            near.astype(np.int32),
+            cameras_m,
+            lights,
+            heights_m,
+            map_from_optical[2].astype(np.float32),
             self._flat_rays,
+            self.samples,
             real_m,
-            self._least,
+            self._surfaces.textures,
+            _LINEAR,
             self._faces,
-            self.blocks,
-            self._touched,
-            self._window,
-            met,
+            np.empty((len(near), -(-self.view.height // ROWS) + 1), dtype=np.int32),
+            np.empty((len(near) + 1, 4), dtype=np.int32),
+            np.full(self._band.shape[1], -1, dtype=np.int32),
+            self._least,
+            self._band,
+            self._marks,
+            mask,
+            counts[0],
+            counts[1],
+            self._layer,
         )
-        return met
+        return counts
 
     def _bulges(
         self,
@@ -279,56 +281,59 @@ class Painter:
         planes /= np.linalg.norm(planes, axis=1, keepdims=True)
         return planes + _MARGIN * axis  # the samples lie beyond the rays of the outermost pixels
 
-    def _may_see(self, body: PaintedBody, map_from_camera: RigidTransform) -> bool:
-        """Tell whether a ray may meet the ball around a body's box."""
+    def _may_see(
+        self,
+        boxes: "_Boxes",
+        apart_m: npt.NDArray[np.float64],
+        map_from_optical: npt.NDArray[np.float64],
+    ) -> npt.NDArray[np.bool_]:
+        """Tell whether a ray may meet the ball around each box, which is so far apart (N, 3)."""
         axis, widest_rad = self._cone
-        apart_m = body.map_from_box.translation_m - map_from_camera.translation_m
-        away_m, radius_m = float(np.linalg.norm(apart_m)), float(np.linalg.norm(body.half_sizes_m))
-        if away_m <= radius_m:
-            return True
-        cosine = float(apart_m @ (map_from_camera.rotation_matrix() @ axis)) / away_m
-        aside_rad = math.acos(min(max(cosine, -1.0), 1.0)) - math.asin(radius_m / away_m)
-        return aside_rad <= widest_rad + _MARGIN
+        away_m = np.maximum(np.linalg.norm(apart_m, axis=1), 1e-12)
+        radii_m = np.linalg.norm(boxes.half_sizes_m, axis=1)
+        aside_rad = np.arccos(np.clip(apart_m @ (map_from_optical @ axis) / away_m, -1.0, 1.0))
+        ball_rad = np.arcsin(np.minimum(radii_m / away_m, 1.0))
+        is_near = aside_rad - ball_rad <= widest_rad + _MARGIN
+        seen: npt.NDArray[np.bool_] = (away_m <= radii_m) | is_near
+        return seen
 
     def _cast_shadows(
         self,
-        bodies: Sequence[PaintedBody],
+        boxes: "_Boxes",
         map_from_camera: RigidTransform,
         real_m: Floats,
         strength: float,
     ) -> None:
         """Darken the floor around bodies."""
-        size = np.array((self.view.width, self.view.height))
-        rings = np.empty((len(bodies), len(_RING), 3))
-        for ring, body in zip(rings, bodies, strict=True):
-            half_x, half_y, _ = body.half_sizes_m.tolist()
-            ring[:, :2] = body.map_from_box.translation_m[:2]
-            ring[:, :2] += (math.hypot(half_x, half_y) + _SHADOW_M) * _RING
-            ring[:, 2] = body.ground_m
+        size, count = np.array((self.view.width, self.view.height)), len(boxes.grounds_m)
+        reaches_m = np.hypot(boxes.half_sizes_m[:, 0], boxes.half_sizes_m[:, 1]) + _SHADOW_M
+        rings = np.empty((count, len(_RING), 3))
+        rings[:, :, :2] = reaches_m[:, np.newaxis, np.newaxis] * _RING
+        rings[:, :, :2] += boxes.centres_m[:, np.newaxis, :2]
+        rings[:, :, 2] = boxes.grounds_m[:, np.newaxis]
         points = map_from_camera.inverse().apply(rings.reshape(-1, 3))
-        pixels = self.view.project(points).reshape(len(bodies), -1, 2)
+        pixels = self.view.project(points).reshape(count, -1, 2)
         low, high = pixels.min(axis=1), pixels.max(axis=1)
         is_known = np.isfinite(low + high)  # else the ring may reach behind the camera
         low = np.where(is_known.all(axis=1, keepdims=True), np.floor(low), 0)
         high = np.where(is_known.all(axis=1, keepdims=True), np.ceil(high) + 1, size)
         windows = np.concatenate((np.clip(low, 0, size), np.clip(high, 0, size)), axis=1)
-        boxes = []
-        for body in bodies:
-            x, y, _ = body.map_from_box.translation_m.tolist()
-            yaw_rad = body.map_from_box.yaw_rad()
-            half_x, half_y, _ = body.half_sizes_m.tolist()
-            box = (x, y, body.ground_m, math.cos(yaw_rad), math.sin(yaw_rad), half_x, half_y)
-            boxes.append(box)
+        level = boxes.turns[:, :2, 0]  # the box's x axis in the map's plane
+        level = level / np.linalg.norm(level, axis=1, keepdims=True)
+        foots = np.empty((count, 7), dtype=np.float32)
+        foots[:, :2], foots[:, 2] = boxes.centres_m[:, :2], boxes.grounds_m
+        foots[:, 3:5] = level
+        foots[:, 5:] = boxes.half_sizes_m[:, :2]
         darken(
             self._flat_rays,
             windows.astype(np.int32),
             map_from_camera.translation_m.astype(np.float32),
             map_from_camera.rotation_matrix().astype(np.float32),
-            np.array(boxes, dtype=np.float32),
+            foots,
             real_m,
             np.float32(strength),
             self._shadow_left,
-            self._shadow_spans,
+            self._marks,
         )
 
     def _composed(
@@ -340,24 +345,47 @@ class Painter:
         if lighting.is_estimated:
             mean = np.empty(3, dtype=np.float32)
             mean_light(painted, _LINEAR, mean)
-            cast = np.sqrt(np.maximum(mean, 1e-4) / max(float(mean.mean()), 1e-4))
-            gain *= np.clip(mean.mean() / _GREY, _DARKEST, _BRIGHTEST) * cast
+            whole = float(mean.mean())
+            gain *= np.sqrt(np.maximum(mean, 1e-4) / max(whole, 1e-4))
+            gain *= min(max(whole / _GREY, _DARKEST), _BRIGHTEST)
         taps = _taps(lighting.blur_px)
         compose(
             self._layer,
             self._shadow_left,
-            self._layer_spans,
-            self._shadow_spans,
+            self._marks,
             taps,
-            gain.astype(np.float32),
+            gain,
             np.float32(lighting.noise),
             random.integers(2**64, dtype=np.uint64),
             _LINEAR,
             _SRGB,
-            np.empty((3, 4 * (self.view.width + len(taps))), dtype=np.float32),
+            np.empty((2, self._marks.shape[1]), dtype=np.uint8),
+            np.empty((2, 4 * (self.view.width + len(taps))), dtype=np.float32),
             painted,
         )
         return painted
+
+
+class _Boxes(NamedTuple):
+    """The boxes of N bodies in the map's frame.
+
+    Rotations (N, 3, 3), centres and half sizes (N, 3), and the heights of their grounds (N,) [m].
+    """
+
+    turns: npt.NDArray[np.float64]
+    centres_m: npt.NDArray[np.float64]
+    half_sizes_m: npt.NDArray[np.float64]
+    grounds_m: npt.NDArray[np.float64]
+
+    @classmethod
+    def of(cls, bodies: Sequence[PaintedBody]) -> "_Boxes":
+        """Return the boxes of bodies."""
+        return cls(
+            np.array([body.map_from_box.rotation_matrix() for body in bodies]).reshape(-1, 3, 3),
+            np.array([body.map_from_box.translation_m for body in bodies]).reshape(-1, 3),
+            np.array([body.half_sizes_m for body in bodies]).reshape(-1, 3),
+            np.array([body.ground_m for body in bodies], dtype=np.float64),
+        )
 
 
 class _SurfaceSet:
@@ -407,8 +435,8 @@ def _joined(arrays: list[Any], shape: tuple[int, ...], kind: type[np.generic]) -
     return np.concatenate([np.empty(shape, dtype=kind), *arrays], dtype=kind, casting="same_kind")
 
 
-def _light(lighting: Lighting) -> npt.NDArray[np.float64]:
-    """Return the directions to the lamp and up in the map's frame, and the strengths (3, 3).
+def _lights(lighting: Lighting) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return the directions to the lamp and up in the map's frame (2, 3), and the strengths (3,).
 
     These are of the lamp, of the sky above, and of the ground below.
     """
@@ -418,9 +446,10 @@ def _light(lighting: Lighting) -> npt.NDArray[np.float64]:
         level * math.sin(lighting.azimuth_rad),
         math.sin(lighting.elevation_rad),
     )
-    return np.array((lamp, (0.0, 0.0, 1.0), (0.55, 0.5, 0.28)))
+    return np.array((lamp, (0.0, 0.0, 1.0))), np.array((0.55, 0.5, 0.28))
 
 
+@lru_cache(maxsize=4)
 def _taps(blur_px: float) -> Floats:
     """Return the weights of a Gaussian blur, float32 (2 R + 1,)."""
     radius = math.ceil(3.0 * blur_px)

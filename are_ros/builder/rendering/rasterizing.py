@@ -6,8 +6,11 @@ lens is served alike; its projection only bounds where to look.
 Samples lie in blocks: LANES of them, of four pixels side by side; sample s of pixel c is lane
 4 s + c. An inner loop over one block is as long as the vector units are wide. All that belongs to a
 block is in one array, side by side, so that the compiler knows that writes do not change what is
-read: `blocks` float32 (H, B, BLOCK) are the rays' x, y and z, then, of the body that is drawn, the
-reciprocal of the range [1/m] (0: none) and the face, then both of the nearest body (-1: no face).
+read: the rays' x, y and z, then, of the body that is drawn, the reciprocal of the range [1/m] (0:
+none) and the face, then both of the nearest body (-1: no face), then the least reciprocal that is
+not hidden. The image is drawn in bands of ROWS rows, one after the other: `blocks` float32
+(ROWS, B, BLOCK) are those of the present one, which stay in the processor's cache. The rays of all
+samples are float32 (H, B, RAYS).
 """
 
 from typing import Final, NamedTuple
@@ -19,6 +22,7 @@ from are_ros._compiled import borrowing, inlined
 
 Floats = npt.NDArray[np.float32]
 Integers = npt.NDArray[np.int32]
+Side = tuple[np.float32, np.float32, np.float32, np.float32, np.float32]
 
 SAMPLES: Final = 4
 """Samples of a pixel, 2 x 2, row by row."""
@@ -32,15 +36,23 @@ _NEAR: Final = 3 * LANES
 _FACE: Final = 4 * LANES
 FRONT: Final = 5 * LANES
 FRONT_FACE: Final = 6 * LANES
-BLOCK: Final = 7 * LANES
+_LIMIT: Final = 7 * LANES
+RAYS: Final = 3 * LANES
+BLOCK: Final = 8 * LANES
 """Where each kind of number begins in a block, and how many numbers there are."""
+ROWS: Final = 8
+"""Rows of a band."""
+LAYER: Final = 1
+SHADOW: Final = 2
+"""The marks of blocks in which something may be painted, and in which the floor is darker."""
 TIE_M: Final = np.float32(0.02)
 """A real surface hides what is farther than this behind it: depth cameras are not exact."""
 FLOOR_M: Final = np.float32(0.06)
 """A real surface that is less than this above the artefact's ground is the ground: it hides
 nothing, however noisy it is."""
 _ROOM_PX: Final = 0.1
-_WIDE_BLOCKS: Final = 3
+_PER_WIDE: Final = np.float32(1.0 / WIDE)
+_WIDE_BLOCKS: Final = 5
 """In a triangle of fewer blocks a row, it does not pay to ask which of them it may meet."""
 _ZERO: Final = np.float32(0.0)
 _ONE: Final = np.float32(1.0)
@@ -58,7 +70,8 @@ class Faces(NamedTuple):
     `outlines` float32 (N, 7) are x, y of the corners in the image, and how far from the triangle
     between them a sample may meet it [px]. `bounds` int32 (N, 4) are the pixels where to look:
     left, top, right, bottom, the ends left out. `owners` int32 (N,) are the bodies, and `textures`
-    int32 (N,) the textures, -1 for none.
+    int32 (N,) the textures, -1 for none. `following` int32 (N,) chains the faces of a body that are
+    to be drawn in a band, -1 at the end.
     """
 
     planes: Floats
@@ -66,6 +79,7 @@ class Faces(NamedTuple):
     bounds: Integers
     owners: Integers
     textures: Integers
+    following: Integers
 
     @classmethod
     def room(cls, most: int) -> "Faces":
@@ -74,6 +88,7 @@ class Faces(NamedTuple):
             np.empty((most + 1, 21), dtype=np.float32),
             np.empty((most + 1, 7), dtype=np.float32),
             np.empty((most + 1, 4), dtype=np.int32),
+            np.empty(most + 1, dtype=np.int32),
             np.empty(most + 1, dtype=np.int32),
             np.empty(most + 1, dtype=np.int32),
         )
@@ -94,16 +109,22 @@ class Corners(NamedTuple):
     uvs: Floats
 
 
-def make_blocks(rays: Floats) -> Floats:
-    """Return the blocks of an image whose pixels have the unit rays (H, W, 3), with no body."""
-    blocks = np.zeros((rays.shape[0], -(-rays.shape[1] // WIDE), BLOCK), dtype=np.float32)
-    blocks[:, :, FRONT_FACE:] = -1.0
-    cast_samples(rays, blocks)
+def make_band(width: int) -> Floats:
+    """Return the blocks of a band of an image so wide, with no body and no rays."""
+    blocks = np.zeros((ROWS, -(-width // WIDE), BLOCK), dtype=np.float32)
+    blocks[:, :, FRONT_FACE : FRONT_FACE + LANES] = -1.0
     return blocks
 
 
+def sample_rays(rays: Floats) -> Floats:
+    """Return the unit rays of samples (H, B, RAYS), from those of the pixels (H, W, 3)."""
+    samples = np.zeros((rays.shape[0], -(-rays.shape[1] // WIDE), RAYS), dtype=np.float32)
+    cast_samples(rays, samples)
+    return samples
+
+
 @borrowing
-def cast_samples(rays: Floats, blocks: Floats) -> None:
+def cast_samples(rays: Floats, samples: Floats) -> None:
     """Fill the unit rays of samples from those of pixels (H, W, 3).
 
     They lie between those of the pixels around. Beyond the edge of a lens's image there is no ray:
@@ -119,9 +140,9 @@ def cast_samples(rays: Floats, blocks: Floats) -> None:
                 x, y, z = _between_columns(rays, row, column, down, right)
                 scale = 1.0 / np.sqrt(x * x + y * y + z * z)
                 lane = sample * WIDE + column % WIDE
-                blocks[row, column // WIDE, _X + lane] = np.float32(scale * x)
-                blocks[row, column // WIDE, _Y + lane] = np.float32(scale * y)
-                blocks[row, column // WIDE, _Z + lane] = np.float32(scale * z)
+                samples[row, column // WIDE, _X + lane] = np.float32(scale * x)
+                samples[row, column // WIDE, _Y + lane] = np.float32(scale * y)
+                samples[row, column // WIDE, _Z + lane] = np.float32(scale * z)
 
 
 @borrowing
@@ -173,7 +194,7 @@ def place_points(
     cameras_from_boxes: npt.NDArray[np.float64],
     placed: npt.NDArray[np.float64],
 ) -> None:
-    """Write all points in the camera's frame (V, 3); `cameras_from_boxes` are (N, 4, 4)."""
+    """Write all points in the camera's frame (V, 3); `cameras_from_boxes` are (N, 3, 4)."""
     for body in range(cameras_from_boxes.shape[0]):
         matrix = cameras_from_boxes[body]
         for point in range(corners.starts[body, 0], corners.starts[body + 1, 0]):
@@ -205,12 +226,14 @@ def choose_faces(
     body: int,
     first: int,
     faces: Faces,
+    heads: Integers,
     window: Integers,
 ) -> int:
     """Add the triangles of a surface, that of a body, that a ray may meet to the faces.
 
     They are added from `first` on. Return the number of faces then; `window` (4,) is the rectangle
-    of pixels around them, empty where there are none.
+    of pixels around them, empty where there are none. Each is chained to those of the band where it
+    begins; `heads` are the first ones of each band, -1 for none.
 
     Points (V, 3) are in the camera's frame, and pixels (V, 2) where they are in the image of a
     `size`, NaN where that is not known. The sides of triangle f bulge by bulges[f] pixels in the
@@ -271,6 +294,7 @@ def choose_faces(
         faces.owners[face] = body
         faces.textures[face] = -1 if is_plain else number
         _put_looks(corners, triangle, is_plain, camera_m, light, scale, found)
+        faces.following[face], heads[bounds[1] // ROWS] = heads[bounds[1] // ROWS], face
         window[0], window[1] = min(window[0], bounds[0]), min(window[1], bounds[1])
         window[2], window[3] = max(window[2], bounds[2]), max(window[3], bounds[3])
         face += 1
@@ -378,18 +402,30 @@ def _of_corner(normal: Floats, turn: float, light: npt.NDArray[np.float64]) -> f
 
 
 @borrowing
-def draw(blocks: Floats, faces: Faces, first: int, end: int) -> None:
-    """Note at each sample the nearest of the faces from `first` to `end`, the end left out."""
-    for number in range(first, end):
+def draw_in_band(blocks: Floats, faces: Faces, heads: Integers, top: int, bottom: int) -> None:
+    """Note at each sample of a band the nearest of the faces of a body.
+
+    The faces are the chain that begins at the first of the `heads` (2,). Those that go on below the
+    band are chained to the second. The band has the rows from `top` to `bottom`, left out.
+    """
+    number = heads[0]
+    while number >= 0:
         face = np.uint32(number)
         planes, bounds = faces.planes[face], faces.bounds[face]
+        following = faces.following[face]
         left, right = bounds[0] // WIDE, (bounds[2] + WIDE - 1) // WIDE
+        first, end = max(bounds[1], top), min(bounds[3], bottom)
         if right - left < _WIDE_BLOCKS:
-            _draw_part(blocks, planes, number, left, right, bounds[1], bounds[3])
-            continue
-        for row in range(bounds[1], bounds[3]):
-            begin, stop = _span(faces.outlines[face], row, left, right)
-            _draw_part(blocks, planes, number, begin, stop, row, row + 1)
+            _draw_part(blocks, planes, number, left, right, first - top, end - top)
+        else:
+            outline = faces.outlines[face]
+            sides = _side(outline, 0, 1), _side(outline, 1, 2), _side(outline, 2, 0)
+            for row in range(first, end):
+                begin, stop = _span(sides, outline[6], row, left, right)
+                _draw_part(blocks, planes, number, begin, stop, row - top, row - top + 1)
+        if bounds[3] > bottom:
+            faces.following[face], heads[1] = heads[1], number
+        number = following
 
 
 @inlined
@@ -420,143 +456,121 @@ def _draw_part(
 
 
 @inlined
-def _span(outline: Floats, row: int, left: int, right: int) -> tuple[int, int]:
+def _side(outline: Floats, one: int, other: int) -> Side:
+    """Return a side of a triangle in the image: x, y of its upper end, x, y of the lower, slope."""
+    x, y = outline[2 * one], outline[2 * one + 1]
+    to_x, to_y = outline[2 * other], outline[2 * other + 1]
+    if y > to_y:
+        x, y, to_x, to_y = to_x, to_y, x, y
+    return x, y, to_x, to_y, (to_x - x) / max(to_y - y, np.float32(1e-6))
+
+
+@inlined
+def _span(
+    sides: tuple[Side, Side, Side], room: np.float32, row: int, left: int, right: int
+) -> tuple[int, int]:
     """Return which blocks of a row, of those from left to right, may meet a triangle."""
-    room = outline[6]
     if not room < _INFINITE:
         return left, right
     top, bottom = row - np.float32(0.25) - room, row + np.float32(0.25) + room
     low, high = _INFINITE, -_INFINITE
-    for corner in range(3):
-        other = corner + 1 if corner < 2 else 0
-        x, y = outline[2 * corner], outline[2 * corner + 1]
-        to_x, to_y = outline[2 * other], outline[2 * other + 1]
-        if y > to_y:
-            x, y, to_x, to_y = to_x, to_y, x, y
+    for x, y, to_x, to_y, slope in sides:
         if to_y < top or y > bottom:
             continue
-        slope = (to_x - x) / max(to_y - y, np.float32(1e-6))
         first = x + slope * (top - y) if y < top else x
         last = to_x - slope * (to_y - bottom) if to_y > bottom else to_x
         low, high = min(low, first, last), max(high, first, last)
     if low > high:
         return left, left
     reach = room + np.float32(0.35)
-    begin = max(int((low - reach) // np.float32(WIDE)), left)
-    return begin, max(min(int((high + reach) // np.float32(WIDE)) + 1, right), left)
+    begin = max(int((low - reach) * _PER_WIDE), left)
+    return begin, max(min(int((high + reach) * _PER_WIDE) + 1, right), left)
 
 
 @borrowing
-def limit_nearness(
+def load_rays(
+    samples: Floats, window: Integers, band: int, loaded: Integers, blocks: Floats
+) -> None:
+    """Put the rays of samples (H, B, RAYS) into the blocks of a band, in the columns of a window.
+
+    `loaded` (B,) are the bands whose rays each column has.
+    """
+    rows = min(ROWS, samples.shape[0] - ROWS * band)
+    for number in range(window[0] // WIDE, (window[2] + WIDE - 1) // WIDE):
+        if loaded[number] == band:
+            continue
+        loaded[number] = band
+        for row in range(rows):
+            there, here = samples[ROWS * band + row, number], blocks[row, number]
+            for place in range(there.size):
+                here[place] = there[place]
+
+
+@borrowing
+def merge(
     rays: Floats,
     window: Integers,
     real: Floats,
     up: Floats,
     heights_m: Floats,
+    top: int,
+    bottom: int,
     least: Floats,
-) -> None:
-    """Write the least nearness (H, 4 B) that is not hidden by what is really there, in a window.
+    blocks: Floats,
+    marks: npt.NDArray[np.uint8],
+) -> int:
+    """Put a body into a band where it is in front, and clear its samples; return their number.
 
-    `real` (H, W) are ranges along the rays of the pixels (3, H, W). `up` (3,) is the map's z in the
-    camera's frame, and `heights_m` (2,) how far camera and ground are above the map's origin.
+    The band has the rows from `top` to `bottom`, left out. `window` (4,) is the rectangle of pixels
+    in which the body was drawn. `real` (H, W) are the ranges along the rays of the pixels (3, H, W)
+    of what is really there and hides the body. `up` (3,) is the map's z in the camera's frame, and
+    `heights_m` (2,) how far camera and ground are above the map's origin. Blocks (H, B) that may
+    have changed get a mark. `least` (4 B,) is room.
     """
-    ux, uy, uz = up[0], up[1], up[2]
-    camera_m, floor_m = heights_m[0], heights_m[1] + FLOOR_M
-    left, right = window[0], window[2]
-    for row in range(window[1], window[3]):
-        xs, ys, zs = rays[0, row, left:right], rays[1, row, left:right], rays[2, row, left:right]
-        there, out = real[row, left:right], least[row, left:right]
-        for column in range(out.size):
-            range_m = there[column]
-            climb = xs[column] * ux + ys[column] * uy + zs[column] * uz
-            hides = camera_m + range_m * climb > floor_m
-            out[column] = _ONE / (range_m + TIE_M) if hides else _ZERO
-
-
-@borrowing
-def merge(window: Integers, least: Floats, blocks: Floats, touched: npt.NDArray[np.uint8]) -> int:
-    """Put a body into the image where it is in front, and clear its samples; return their number.
-
-    `window` (4,) is the rectangle of pixels in which it was drawn; `least` as in `limit_nearness`.
-    Blocks (H, B) that may have changed are `touched`.
-    """
-    count = 0
-    first, end = window[0] // WIDE, (window[2] + WIDE - 1) // WIDE
-    for row in range(np.uint32(window[1]), np.uint32(window[3])):
-        for number in range(np.uint32(first), np.uint32(end)):
-            block, some = blocks[row, number], np.int32(0)
-            for lane in range(LANES):
+    count, lanes = 0, np.uint32(blocks.shape[2] // 8)  # a number that the compiler does not know,
+    # for it would unroll the loops and not use the vector units
+    first, end = np.uint32(window[0] // WIDE), np.uint32((window[2] + WIDE - 1) // WIDE)
+    for row in range(max(window[1], top), min(window[3], bottom)):
+        _limit_nearness(rays, window, real, up, heights_m, row, least)
+        for number in range(first, end):
+            block, some = blocks[np.uint32(row - top), number], np.int32(0)
+            for lane in range(lanes):
                 some += np.int32(block[_NEAR + lane] > _ZERO)
             if some == 0:
                 continue
             count += some
-            touched[row, number] = 1
-            for column in range(WIDE):
-                limit = least[row, WIDE * number + column]
-                for sample in range(SAMPLES):
-                    lane = WIDE * sample + column
-                    here, best = block[_NEAR + lane], block[FRONT + lane]
-                    shows = (here >= limit) & (here > best)
-                    block[FRONT + lane] = here if shows else best
-                    block[FRONT_FACE + lane] = (
-                        block[_FACE + lane] if shows else block[FRONT_FACE + lane]
-                    )
-                    block[_NEAR + lane] = _ZERO
+            marks[row, number] = LAYER
+            limits = least[WIDE * number : WIDE * number + WIDE]
+            for lane in range(lanes):
+                block[_LIMIT + lane] = limits[lane % np.uint32(WIDE)]
+            for lane in range(lanes):
+                here, best = block[_NEAR + lane], block[FRONT + lane]
+                face, front = block[_FACE + lane], block[FRONT_FACE + lane]
+                here = here if here >= block[_LIMIT + lane] else _ZERO
+                block[FRONT_FACE + lane] = face if here > best else front
+                block[FRONT + lane] = max(here, best)
+                block[_NEAR + lane] = _ZERO
     return count
 
 
-@borrowing
-def draw_bodies(
-    corners: Corners,
-    points: npt.NDArray[np.float64],
-    pixels: npt.NDArray[np.float64],
-    bulges: npt.NDArray[np.float64],
-    frustum: npt.NDArray[np.float64],
-    bodies: Integers,
-    cameras_m: npt.NDArray[np.float64],
-    lights: npt.NDArray[np.float64],
-    heights_m: Floats,
-    up: Floats,
+@inlined
+def _limit_nearness(
     rays: Floats,
-    real: Floats,
-    least: Floats,
-    faces: Faces,
-    blocks: Floats,
-    touched: npt.NDArray[np.uint8],
     window: Integers,
-    met: npt.NDArray[np.int64],
+    real: Floats,
+    up: Floats,
+    heights_m: Floats,
+    row: int,
+    least: Floats,
 ) -> None:
-    """Draw bodies one after the other, and put each into the image where it is in front.
-
-    `bodies` (N,) are their numbers, `cameras_m` (N, 3) and `lights` (N, 3, 3) as one of each in
-    `choose_faces`, `heights_m` (N, 2) as one in `limit_nearness`. The last row of `window` (2, 4)
-    becomes the rectangle around all; the first is room. `met` counts the samples that meet each
-    body, hidden or not.
-    """
-    size, first = (real.shape[1], real.shape[0]), 0
-    own, whole = window[0], window[1]
-    whole[0], whole[1], whole[2], whole[3] = size[0], size[1], 0, 0
-    for number in range(bodies.size):
-        last = choose_faces(
-            corners,
-            number,
-            points,
-            pixels,
-            bulges,
-            size,
-            frustum,
-            cameras_m[number],
-            lights[number],
-            bodies[number],
-            first,
-            faces,
-            own,
-        )
-        if last == first:
-            continue
-        draw(blocks, faces, first, last)
-        limit_nearness(rays, own, real, up, heights_m[number], least)
-        met[bodies[number]] = merge(own, least, blocks, touched)
-        whole[0], whole[1] = min(whole[0], own[0]), min(whole[1], own[1])
-        whole[2], whole[3] = max(whole[2], own[2]), max(whole[3], own[3])
-        first = last
+    """Write the least nearness (4 B,) that is not hidden by what is really there, in a row."""
+    ux, uy, uz = up[0], up[1], up[2]
+    camera_m, floor_m = heights_m[0], heights_m[1] + FLOOR_M
+    left, right = window[0], window[2]
+    xs, ys, zs = rays[0, row, left:right], rays[1, row, left:right], rays[2, row, left:right]
+    there, out = real[row, left:right], least[left:right]
+    for column in range(out.size):
+        range_m = there[column]
+        climb = xs[column] * ux + ys[column] * uy + zs[column] * uz
+        hides = camera_m + range_m * climb > floor_m
+        out[column] = _ONE / (range_m + TIE_M) if hides else _ZERO

@@ -11,9 +11,16 @@ from are_ros.builder.rendering.rasterizing import (
     FRONT,
     FRONT_FACE,
     LANES,
+    ROWS,
     SAMPLES,
+    SHADOW,
     WIDE,
+    Corners,
     Faces,
+    choose_faces,
+    draw_in_band,
+    load_rays,
+    merge,
 )
 
 Floats = npt.NDArray[np.float32]
@@ -22,9 +29,9 @@ Integers = npt.NDArray[np.int32]
 _ZERO: Final = np.float32(0.0)
 _ONE: Final = np.float32(1.0)
 _PART: Final = np.float32(1.0 / SAMPLES)
-_NEAR_M: Final = np.float32(0.12)
-_WIDE_M: Final = np.float32(0.6)
-"""How far the dark seam below a body reaches, and its whole shadow."""
+_PER_NEAR: Final = np.float32(1.0 / 0.12)
+_PER_WIDE: Final = np.float32(1.0 / 0.6)
+"""The dark seam below a body reaches as far as 0.12 m, and its whole shadow 0.6 m: per metre."""
 
 
 class Textures(NamedTuple):
@@ -38,59 +45,151 @@ class Textures(NamedTuple):
 
 
 @borrowing
-def shade(
+def render(
+    corners: Corners,
+    points: npt.NDArray[np.float64],
+    pixels: npt.NDArray[np.float64],
+    bulges: npt.NDArray[np.float64],
+    frustum: npt.NDArray[np.float64],
+    bodies: Integers,
+    cameras_m: npt.NDArray[np.float64],
+    lights: npt.NDArray[np.float64],
+    heights_m: Floats,
+    up: Floats,
+    rays: Floats,
+    samples: Floats,
+    real: Floats,
+    textures: Textures,
+    linear: Floats,
+    faces: Faces,
+    heads: Integers,
+    windows: Integers,
+    loaded: Integers,
+    least: Floats,
+    blocks: Floats,
+    marks: npt.NDArray[np.uint8],
+    mask: Integers,
+    met: npt.NDArray[np.int64],
+    seen: npt.NDArray[np.int64],
+    layer: Floats,
+) -> None:
+    """Draw bodies where they are in front, band by band, and put their light into the layer.
+
+    `bodies` (N,) are their numbers, `cameras_m` (N, 3) and `lights` (N, 3, 3) as one of each in
+    `choose_faces`, `heights_m` (N, 2) as one in `merge`. `met` counts the samples that meet each
+    body, hidden or not, and `seen` those that see it; see `_shade` for `marks`, `mask` and `layer`.
+    `heads` (N, bands + 1), `windows` (N + 1, 4), `loaded` (B,), of -1,
+    `least` (4 B,), `faces` and `blocks` are room.
+    """
+    size, first, whole = (real.shape[1], real.shape[0]), 0, windows[bodies.size]
+    whole[0], whole[1], whole[2], whole[3] = size[0], size[1], 0, 0
+    for number in range(bodies.size):
+        for band in range(heads.shape[1]):
+            heads[number, band] = -1
+        own = windows[number]
+        first = choose_faces(
+            corners,
+            number,
+            points,
+            pixels,
+            bulges,
+            size,
+            frustum,
+            cameras_m[number],
+            lights[number],
+            bodies[number],
+            first,
+            faces,
+            heads[number],
+            own,
+        )
+        whole[0], whole[1] = min(whole[0], own[0]), min(whole[1], own[1])
+        whole[2], whole[3] = max(whole[2], own[2]), max(whole[3], own[3])
+    for band in range(whole[1] // ROWS, (whole[3] + ROWS - 1) // ROWS):
+        top, bottom = band * ROWS, min((band + 1) * ROWS, size[1])
+        for number in range(bodies.size):
+            if heads[number, band] < 0:
+                continue
+            load_rays(samples, windows[number], band, loaded, blocks)
+            draw_in_band(blocks, faces, heads[number, band : band + 2], top, bottom)
+            met[bodies[number]] += merge(
+                rays,
+                windows[number],
+                real,
+                up,
+                heights_m[number],
+                top,
+                bottom,
+                least,
+                blocks,
+                marks,
+            )
+        _shade(rays, whole, top, bottom, faces, textures, linear, blocks, marks, mask, seen, layer)
+
+
+@borrowing
+def _shade(
     rays: Floats,
     window: Integers,
+    top: int,
+    bottom: int,
     faces: Faces,
     textures: Textures,
     linear: Floats,
     blocks: Floats,
-    touched: npt.NDArray[np.uint8],
+    marks: npt.NDArray[np.uint8],
     mask: Integers,
     seen: npt.NDArray[np.int64],
     layer: Floats,
-    spans: Integers,
 ) -> None:
-    """Put the light of the faces in front into the layer (H, 4 W), and clear these.
+    """Put the light of the faces in front in a band into the layer (H, 4 W), and clear these.
 
-    The layer has linear red, green, blue, and the covered share, for each pixel of the `window`.
-    `touched` (H, B) are the blocks with such faces. `mask` (H, W) becomes the body that has at
-    least two of a pixel's samples (of two with two each the one with the higher number), `seen`
-    the number of each body's samples, and `spans` (H, 2) the columns of each row that the layer
-    covers. `rays` (3, H, W) are those of pixels. `linear` (256,) are the intensities of sRGB
-    values. A face is shaded once a pixel: along the pixel's own ray where all samples meet it, else
-    along that of a sample. Where all see one body, but several faces of it, two samples do.
+    The band has the rows from `top` to `bottom`, left out. The layer has linear red, green, blue,
+    and the covered share, for each pixel of the `window`.
+    `marks` (H, B) are the blocks that may have such faces. `mask` (H, W) becomes the body that has
+    at least two of a pixel's samples (of two with two each the one with the higher number), and
+    `seen` the number of each body's samples. `rays` (3, H, W) are those of pixels. `linear` (256,)
+    are the intensities of sRGB values. Where all samples see one face, it is shaded along the
+    pixel's own ray; where they see one body, but several faces of it, along those of two samples;
+    else along those of all.
     """
     first, end = window[0] // WIDE, (window[2] + WIDE - 1) // WIDE
-    for row in range(np.uint32(window[1]), np.uint32(window[3])):
+    lanes, half = np.uint32(blocks.shape[2] // 8), np.float32(0.5)  # as in `merge`
+    for row in range(np.uint32(top), np.uint32(bottom)):
         for number in range(np.uint32(first), np.uint32(end)):
-            if touched[row, number] == 0:
+            if marks[row, number] == 0:
                 continue
-            touched[row, number] = 0
-            block = blocks[row, number]
+            block = blocks[np.uint32(row - top), number]
             for place in range(WIDE):
                 one = np.int32(block[FRONT_FACE + place])
                 two = np.int32(block[FRONT_FACE + WIDE + place])
                 three = np.int32(block[FRONT_FACE + 2 * WIDE + place])
                 four = np.int32(block[FRONT_FACE + 3 * WIDE + place])
-                if max(one, two, three, four) < 0:
+                low, high = min(one, two, three, four), max(one, two, three, four)
+                if high < 0:
                     continue
                 column = WIDE * number + place
                 out = layer[row, 4 * column : 4 * column + 4]
-                if one == two and one == three and one == four:
-                    which = np.uint32(one)
+                owner = faces.owners[np.uint32(high)]
+                if low == high:
                     x, y, z = rays[0, row, column], rays[1, row, column], rays[2, row, column]
-                    _add(x, y, z, which, _ONE, faces, textures, linear, out)
-                    owner = faces.owners[which]
-                    seen[np.uint32(owner)] += SAMPLES
-                    mask[row, column] = owner
+                    red, green, blue = _light(x, y, z, np.uint32(high), faces, textures, linear)
+                elif low >= 0 and faces.owners[np.uint32(low)] == owner:
+                    # All are of one body, for its faces have numbers that follow each other.
+                    red, green, blue = _light_at(block, place, one, faces, textures, linear)
+                    if four != one:
+                        last = _light_at(block, 3 * WIDE + place, four, faces, textures, linear)
+                        red = half * red + half * last[0]
+                        green = half * green + half * last[1]
+                        blue = half * blue + half * last[2]
                 else:
-                    best, is_one = _count(one, two, three, four, faces.owners, seen)
-                    mask[row, column] = best
-                    _add_several(block, place, is_one, faces, textures, linear, out)
-                spans[row, 0] = min(spans[row, 0], column)
-                spans[row, 1] = max(spans[row, 1], column + 1)
-            for lane in range(LANES):
+                    mask[row, column] = _count(one, two, three, four, faces.owners, seen)
+                    _add_several(block, place, faces, textures, linear, out)
+                    continue
+                out[0], out[1], out[2], out[3] = red, green, blue, _ONE
+                seen[np.uint32(owner)] += SAMPLES
+                mask[row, column] = owner
+            for lane in range(lanes):
                 block[FRONT + lane] = _ZERO
                 block[FRONT_FACE + lane] = -_ONE
 
@@ -98,10 +197,10 @@ def shade(
 @inlined
 def _count(
     one: int, two: int, three: int, four: int, owners: Integers, seen: npt.NDArray[np.int64]
-) -> tuple[int, bool]:
+) -> int:
     """Count the samples of a pixel that see faces, -1 for none.
 
-    Return the body with at least two, the higher of two, -1 if none has; and whether all are of it.
+    Return the body with at least two, the higher of two, -1 if none has.
     """
     first = owners[np.uint32(one)] if one >= 0 else -1
     second = owners[np.uint32(two)] if two >= 0 else -1
@@ -117,50 +216,50 @@ def _count(
         best = max(best, second)
     if third == last:
         best = max(best, third)
-    return best, first == second and first == third and first == last
+    return best
 
 
 @inlined
 def _add_several(
     block: Floats,
     place: int,
-    is_one: bool,
     faces: Faces,
     textures: Textures,
     linear: Floats,
     out: Floats,
 ) -> None:
-    """Add the light of the faces that a pixel of a block sees, each once, at its first sample.
-
-    If all are of one body (`is_one`), only those of the first sample and the last.
-    """
-    step = SAMPLES - 1 if is_one else 1
-    part = np.float32(0.5) if is_one else _PART
-    for sample in range(0, SAMPLES, step):
+    """Add the light that comes to the samples of a pixel of a block."""
+    for sample in range(SAMPLES):
         lane = WIDE * sample + place
-        face, share, is_known = block[FRONT_FACE + lane], _ZERO, False
-        for other in range(0, SAMPLES, step):
-            is_same = block[FRONT_FACE + WIDE * other + place] == face
-            share += part if is_same else _ZERO
-            is_known = is_known or (is_same and other < sample)
-        if face >= _ZERO and not is_known:
-            x, y, z = block[lane], block[LANES + lane], block[2 * LANES + lane]
-            _add(x, y, z, np.uint32(face), share, faces, textures, linear, out)
+        face = np.int32(block[FRONT_FACE + lane])
+        if face >= 0:
+            red, green, blue = _light_at(block, lane, face, faces, textures, linear)
+            out[0] += _PART * red
+            out[1] += _PART * green
+            out[2] += _PART * blue
+            out[3] += _PART
 
 
 @inlined
-def _add(
+def _light_at(
+    block: Floats, lane: int, face: int, faces: Faces, textures: Textures, linear: Floats
+) -> tuple[np.float32, np.float32, np.float32]:
+    """Return the light that comes along the ray of a sample from a face."""
+    x, y, z = block[lane], block[LANES + lane], block[2 * LANES + lane]
+    return _light(x, y, z, np.uint32(face), faces, textures, linear)
+
+
+@inlined
+def _light(
     x: np.float32,
     y: np.float32,
     z: np.float32,
     face: int,
-    share: np.float32,
     faces: Faces,
     textures: Textures,
     linear: Floats,
-    out: Floats,
-) -> None:
-    """Add a share of the light that comes along a ray from a face."""
+) -> tuple[np.float32, np.float32, np.float32]:
+    """Return the light that comes along a ray from a face."""
     own = faces.planes[face]
     range_m = _ONE / (x * own[9] + y * own[10] + z * own[11])
     red = (x * own[12] + y * own[13] + z * own[14]) * range_m
@@ -169,10 +268,7 @@ def _add(
     if faces.textures[face] >= 0:
         where = textures.places[np.uint32(faces.textures[face])]
         red, green, blue = _texel(red, green, blue, where, textures.texels, linear)
-    out[0] += share * red
-    out[1] += share * green
-    out[2] += share * blue
-    out[3] += share
+    return red, green, blue
 
 
 @inlined
@@ -207,7 +303,7 @@ def darken(
     real: Floats,
     strength: np.float32,
     shadow: Floats,
-    spans: Integers,
+    marks: npt.NDArray[np.uint8],
 ) -> None:
     """Lower the share (H, W) of the light that reaches the floor near bodies; see `_darken`.
 
@@ -223,7 +319,7 @@ def darken(
             real,
             strength,
             shadow,
-            spans,
+            marks,
         )
 
 
@@ -237,14 +333,15 @@ def _darken(
     real: Floats,
     strength: np.float32,
     shadow: Floats,
-    spans: Integers,
+    marks: npt.NDArray[np.uint8],
 ) -> None:
     """Lower the share (H, W) of the light that reaches the floor near a body.
 
     `rays` (3, H, W) are those of pixels, `camera` (3,) the camera's place, `map_from_camera` (3, 3)
     its rotation, `box` (7,) the body's x, y, the height of its ground, cosine and sine of its yaw,
-    and half its length and width. `window` is in pixels; `spans` (H, 2) are widened by the columns
-    of each row that are darker. Where what is really there is no floor, nothing changes.
+    and half its length and width. `window` is in pixels; the blocks of `marks` (H, B) from the
+    first to the last darker pixel of a row get a mark. Where what is really there is no floor,
+    nothing changes.
     """
     left, right = window[0], window[2]
     drop = box[2] - camera[2]
@@ -270,7 +367,7 @@ def _darken(
             along, across = (cosine * px + sine * py) * per_x, (cosine * py - sine * px) * per_y
             away_m = (np.sqrt(along * along + across * across) - np.float32(0.75)) * narrow
             away_m = max(_ZERO, away_m)
-            near, wide = _fading(away_m / _NEAR_M), _fading(away_m / _WIDE_M)
+            near, wide = _fading(away_m * _PER_NEAR), _fading(away_m * _PER_WIDE)
             dark = strength * (np.float32(0.6) * near + np.float32(0.4) * wide)
             light = _ONE - (dark if is_floor else _ZERO)
             kept[column] = min(kept[column], light)
@@ -279,9 +376,8 @@ def _darken(
             first += 1
         while end > first and kept[end - 1] == _ONE:
             end -= 1
-        if first < end:
-            spans[row, 0] = min(spans[row, 0], left + first)
-            spans[row, 1] = max(spans[row, 1], left + end)
+        for block in range((left + first) // WIDE, (left + end - 1) // WIDE + 1):
+            marks[row, block] |= SHADOW
 
 
 @inlined

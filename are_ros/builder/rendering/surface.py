@@ -1,11 +1,13 @@
 """What is drawn of an artefact: triangles with normals, colours and a texture."""
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.builder.rendering.decimation import decimate
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.meshes.appearance import DrawnMesh, differs, drawn_mesh
 from are_ros.population.randomness import Purpose, generator
@@ -15,7 +17,10 @@ Floats = npt.NDArray[np.float32]
 _CREASE: Final = 0.6
 """Faces that meet at less than the angle of this cosine, 53 degrees, are one rounded surface."""
 _KEPT: Final = 200
-"""So many surfaces are kept; a person's takes half a megabyte."""
+"""So many surfaces are kept; a person's takes half a megabyte, and as much for its coarser ones."""
+_FINEST_M: Final = 0.00125
+"""The tolerance of the finest of the coarser surfaces. That of the next is twice as large."""
+_LEVELS: Final = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +41,35 @@ class Surface:
     uvs: Floats
     texture: npt.NDArray[np.uint8]
     is_closed: bool
+    _coarser: dict[int, "Surface"] = field(default_factory=dict, init=False, repr=False)
+
+    def within(self, tolerance_m: float) -> "Surface":
+        """Return a surface of fewer triangles; no removed point is farther from it than this.
+
+        It is made when it is first asked for, for tolerances of 1.25, 2.5, 5 mm and so on.
+        """
+        level = min(math.frexp(max(tolerance_m, 0.0) / _FINEST_M)[1], _LEVELS)
+        if level < 1:
+            return self
+        if level not in self._coarser:
+            self._coarser[level] = self._decimated(math.ldexp(_FINEST_M, level - 1))
+        return self._coarser[level]
+
+    def _decimated(self, tolerance_m: float) -> "Surface":
+        looks = np.concatenate((self.normals, self.colours, self.uvs), axis=2)
+        indices, corners = decimate(
+            self.points_m.astype(np.float64), self.indices, looks.astype(np.float64), tolerance_m
+        )
+        used, numbers = np.unique(indices, return_inverse=True)
+        kept = looks.reshape(-1, 8)[corners]
+        return replace(
+            self,
+            points_m=self.points_m[used],
+            indices=numbers.reshape(-1, 3).astype(np.int32),
+            normals=np.ascontiguousarray(kept[:, :, :3]),
+            colours=np.ascontiguousarray(kept[:, :, 3:6]),
+            uvs=np.ascontiguousarray(kept[:, :, 6:]),
+        )
 
     @classmethod
     def of_mesh(cls, mesh: DrawnMesh) -> "Surface":

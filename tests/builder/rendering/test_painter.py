@@ -66,8 +66,8 @@ def paint(
 
 def sample_rays(painter: Painter) -> Floats:
     """Return the rays of the samples (2 H, 2 W, 3), out of their blocks."""
-    height, blocks, _ = painter.blocks.shape
-    parts = painter.blocks[:, :, :48].reshape(height, blocks, 3, 2, 2, 4)
+    height, blocks, _ = painter.samples.shape
+    parts = painter.samples.reshape(height, blocks, 3, 2, 2, 4)
     rays = parts.transpose(0, 3, 1, 5, 4, 2).reshape(2 * height, 8 * blocks, 3)
     found: Floats = rays[:, : 2 * painter.view.width].astype(np.float64)
     return found
@@ -281,9 +281,9 @@ def test_a_painter_that_is_prepared_paints_the_same() -> None:
     """Its rays are there before the first image, and are not computed again."""
     prepared, body = Painter(DISTORTED), standing(cube(), 2.5, 0.0)
     prepared.prepare()
-    blocks = vars(prepared)["blocks"]
+    samples = vars(prepared)["samples"]
     one, other = paint(prepared, [body]), paint(Painter(DISTORTED), [body])
-    assert prepared.blocks is blocks
+    assert prepared.samples is samples
     assert one.pixels is not None
     assert other.pixels is not None
     assert (one.pixels == other.pixels).all()
