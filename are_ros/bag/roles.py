@@ -9,6 +9,7 @@ from are_ros.bag.reader import BagTopic
 from are_ros.errors import BagError
 from are_ros.messages.images.image import camera_info_topic, raw_topic
 from are_ros.messages.sensors import SENSORS
+from are_ros.wording import listed
 
 TF_TYPES: Final = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 
@@ -27,8 +28,11 @@ ROLE_TYPES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 )
 """The roles, in the order they are listed, with the types that serve; the default is "/<role>"."""
 
+OCTOMAP: Final = "octomap_point_cloud_centers"
+"""The role of the topic with the voxels' centres."""
+_OCTOMAP_TYPE: Final = "octomap_msgs/msg/Octomap"
 _TELLTALES: Final = {
-    "octomap_point_cloud_centers": "octomap",
+    OCTOMAP: "octomap",
     "tf_static": "static",
     "depth": "depth",
 }
@@ -186,6 +190,14 @@ def _by_type(
         repeatable = " (repeatable: all are augmented)" if role in SENSORS else ""
         advice = f"choose one with --topic {role}:=/NAME{repeatable}"
         return FoundRole(role, None, f"{sentence}; {advice}", tuple(named))
+    octomaps = [topic.name for topic in free if topic.type_name == _OCTOMAP_TYPE]
+    if role == OCTOMAP and octomaps:
+        return FoundRole(
+            role,
+            None,
+            f"{role}: {why}; {listed(octomaps)}, {_OCTOMAP_TYPE}, cannot be read: record"
+            " octomap_server's centres, or save it (octomap_saver_node) and give --octomap FILE",
+        )
     has_namesake = any(slashed(topic.name) == f"/{role}" for topic in topics)
     sentence = f"{role}: {why}, and no other topic serves" if has_namesake else ""
     return FoundRole(role, None, sentence)

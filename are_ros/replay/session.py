@@ -13,7 +13,7 @@ import numpy.typing as npt
 from are_ros.agents.robots import TOO_OLD, WITHOUT_STAMP
 from are_ros.agents.scenario_recorder import ScenarioRecorder
 from are_ros.bag.reader import BagReader
-from are_ros.bag.roles import RolesFound, find_roles
+from are_ros.bag.roles import OCTOMAP, RolesFound, find_roles
 from are_ros.bag.stretches import needed_wait_s
 from are_ros.bag.types import RosbagsFactory
 from are_ros.bag.writer import BagWriter
@@ -99,7 +99,6 @@ class MapFiles:
 
 
 _CAMERA_ROLE: Final = "camera/camera_info"
-_CLOUD_ROLE: Final = "octomap_point_cloud_centers"
 _PREPARING: Final = "preparing the kernels (a minute or two the first time)"
 _TRANSFORM_ROLES: Final = ("tf", "tf_static", "odom")
 
@@ -176,7 +175,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
                 has_clouds="points" in kinds,
                 has_depths="depth" in kinds,
                 has_images="image" in kinds,
-                has_voxels=options.octomap_file is not None or roles.topic(_CLOUD_ROLE) is not None,
+                has_voxels=options.octomap_file is not None or roles.topic(OCTOMAP) is not None,
             )
             with said_if_slow(say, _PREPARING), KernelBar() as bar:
                 warm_up(catalogue, needs=needs, count=bar.count)
@@ -247,7 +246,8 @@ def _say_what_is_missing(options: ReplayOptions, roles: RolesFound, say: Say) ->
     """Raise BagError where there is no map; say which topics play the other roles."""
     sensors = options.parameters.sensors
     named = [role for role, kind in SENSORS.items() if not kind.is_by_role(sensors)]
-    for sentence in roles.sentences(silent=named):
+    given = [OCTOMAP] if options.octomap_file is not None else []
+    for sentence in roles.sentences(silent=[*named, *given]):
         say(sentence)
     if roles.topic("map") is None and options.map_file is None:
         raise BagError(WITHOUT_MAP)

@@ -184,3 +184,15 @@ def test_of_several_cameras_that_of_the_image_is_taken() -> None:
     assert chosen.topic("camera/camera_info") == "/cam/infra1/camera_info"
     lone = topics(left__camera_info=info, right__camera_info=info)
     assert find_roles(lone, {}).to_choose(ROLE_TYPES) == ("camera/camera_info",)
+
+
+def test_an_octomap_as_a_message_is_named_with_what_can_be_read() -> None:
+    """Only where nothing else tells the voxels."""
+    octomap = "octomap_msgs/msg/Octomap"
+    both = topics(octomap_binary=octomap, octomap_full=octomap)
+    (sentence,) = find_roles(both, {}).sentences()
+    assert sentence.startswith(
+        "octomap_point_cloud_centers: there is no /octomap_point_cloud_centers; /octomap_binary and"
+        f" /octomap_full, {octomap}, cannot be read: record octomap_server's"
+    )
+    assert find_roles([*both, *topics(octomap_point_cloud_centers=CLOUD)], {}).sentences() == ()
