@@ -73,6 +73,20 @@ def test_an_option_replaces_a_transform_of_the_file(
     assert static == ["0 0 0 0 0 0 b c", "1 0 0 0 0 0 b a"]
 
 
+def test_the_check_takes_the_transform_that_the_replay_took(
+    run_are: RunAre, sample_bag: Path, tmp_path: Path
+) -> None:
+    """A laser that stands elsewhere than its recorded mount says: beams end at artefacts there."""
+    words = ("--duration", 3, "--static-tf", "0 0 0.3 0.7 0 0 base_link base_scan")
+    many = ("--set", "population.arrival_rate:=0.05", "--with-inputs", "--out", tmp_path)
+    done = run_are("replay", sample_bag, *words, *many)
+    assert done.returncode == 0, done.stderr
+    checked = run_are("check", tmp_path)
+    assert checked.returncode == 0, checked.stdout
+    (line,) = [line for line in checked.stdout.splitlines() if line.startswith("ends of changed")]
+    assert "passed" in line
+
+
 def _with(records: Records, topics: Sequence[str], change: Callable[[Any], None]) -> Records:
     """Return records with the messages of some topics changed."""
     changed = []
