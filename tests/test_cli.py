@@ -11,6 +11,7 @@ from click.testing import CliRunner
 
 from are_ros import cli
 from are_ros._version import __version__
+from are_ros.bag.roles import ROLE_TYPES
 from are_ros.cli import are, main
 from are_ros.errors import BagError
 
@@ -49,6 +50,13 @@ def test_help_reads_well(command: str | None) -> None:
         if isinstance(parameter, click.Option):
             assert parameter.help, parameter.name
             assert parameter.opts[0] in done.output
+
+
+def test_the_help_names_every_role_that_a_recording_has() -> None:
+    """All but the clicks, which only a live node takes."""
+    told = " ".join(CliRunner().invoke(are, ["replay", "--help"]).output.split())
+    roles = told.partition("Let a topic play a part: ")[2].partition(". Repeatable")[0].split(", ")
+    assert set(roles) == ROLE_TYPES.keys() - {"clicked_point"}
 
 
 def test_every_command_is_listed() -> None:

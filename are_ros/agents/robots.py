@@ -16,6 +16,8 @@ from are_ros.world.transforms.tree import FrameTree
 _CLOCKS_FROM_ZERO_NS: Final = 366 * 86_400 * NS_PER_S
 """Simulated clocks begin at 0, too; none runs for a year."""
 WITHOUT_STAMP: Final = "is stamped 0, so nobody knows when it was"
+TOO_OLD: Final = "s old"
+"""The ends of the reasons why a transform gives no pose."""
 _USUAL_BASES = ("base_footprint", "base_link")
 
 
@@ -126,7 +128,7 @@ def _too_old(target: str, source: str, stamp_ns: int, now_ns: int) -> str:
     what, age_ns = f"the latest transform from '{source}' to '{target}'", now_ns - stamp_ns
     if not stamp_ns and age_ns > _CLOCKS_FROM_ZERO_NS:
         return f"{what} {WITHOUT_STAMP}"
-    return f"{what} is {age_ns * 1e-9:.3f} s old"
+    return f"{what} is {age_ns * 1e-9:.3f} {TOO_OLD}"
 
 
 _SPAN_NS = NS_PER_S // 4

@@ -38,6 +38,23 @@ MOVING_ROLES = ("tf", "odom", *SENSORS, "camera/camera_info")
 BASE_FRAMES = ("base_footprint", "base_link")
 """The usual names of the robot's base, the preferred one first."""
 
+
+def base_frame_of(frames: Collection[str], odometry_child: str = "") -> str:
+    """Return the robot's base among frames, "" where none can be told.
+
+    It is a frame of a usual name, else the only one within a namespace (robot1/base_link), else the
+    child frame of the odometry.
+    """
+    prefixes = {f.removesuffix(name) for name in BASE_FRAMES for f in frames if _is_base(f, name)}
+    prefix = "" if "" in prefixes else next(iter(prefixes), "") if len(prefixes) == 1 else None
+    usual = [] if prefix is None else [prefix + name for name in BASE_FRAMES]
+    return next((name for name in (*usual, odometry_child) if name in frames), "")
+
+
+def _is_base(frame: str, name: str) -> bool:
+    return frame == name or frame.endswith(f"/{name}")
+
+
 Ints = npt.NDArray[np.int64]
 Edge = tuple[str, str]
 
@@ -76,11 +93,11 @@ class RecordedTimes:
     `sources` are the candidates for the clock, the best first: /clock (only where it disagrees with
     the times of recording), odometry, moving edges, scans. Fixed joints are none: they are often
     dated far ahead. `edges` are all edges (parent, child) of odometry and /tf, `static_edges` those
-    of /tf_static. `scans` are the times of each scan topic, `scan_frames` the frames. The log times
-    of all moving messages are `moving_log_ns`, int64 (N,) ascending. `next_moving_ns` is the log
-    time of the first one after the window, None where the window ends with the recording.
-    `still_since_ns` is that of the last one before the window, or a minute before it; None where
-    the window begins with the recording.
+    of /tf_static. `odometry_child` is the child frame of the odometry, "" without any. `scans` are
+    the times of each scan topic, `scan_frames` the frames. The log times of all moving messages are
+    `moving_log_ns`, int64 (N,) ascending. `next_moving_ns` is the log time of the first one after
+    the window, None where the window ends with the recording. `still_since_ns` is that of the last
+    one before the window, or a minute before it; None where the window begins with the recording.
     """
 
     bag_start_ns: int
@@ -92,6 +109,7 @@ class RecordedTimes:
     moving_log_ns: Ints
     next_moving_ns: int | None = None
     still_since_ns: int | None = None
+    odometry_child: str = ""
 
     @classmethod
     def read(
@@ -125,9 +143,11 @@ class RecordedTimes:
         scans = {name: times for role in SENSORS for name, times in topics(role).items()}
         moved = [times for edge, times in edges.items() if edge in transforms.moving]
         found = [*odometry.values(), *moved, *scans.values()] or list(edges.values())
+        odometry_child = ""
         for name, times in odometry.items():
             if (edge := _odometry_edge(reader, name, edges)) is not None:
                 edges.setdefault(edge, times)
+                odometry_child = edge[1]
         return cls(
             bag_start_ns=reader.start_ns,
             sources=(*_clock(reader, start_ns, stop_ns), *_telling(found)),
@@ -138,6 +158,7 @@ class RecordedTimes:
             moving_log_ns=np.sort(np.concatenate([_ints(log) for log in logs.values()] or [_NONE])),
             next_moving_ns=first_time(reader, moving, stop_ns),
             still_since_ns=_still_since(reader, moving, start_ns),
+            odometry_child=odometry_child,
         )
 
 
@@ -254,7 +275,7 @@ def _odometry_edge(reader: BagReader, topic: str, known: Iterable[Edge]) -> Edge
     if numbers is None or not numbers.frame_id:
         return None
     frames = {frame for edge in known for frame in edge}
-    base = next((name for name in BASE_FRAMES if name in frames), BASE_FRAMES[0])
+    base = base_frame_of(frames) or BASE_FRAMES[0]
     return numbers.frame_id.lstrip("/"), numbers.child_frame_id.lstrip("/") or base
 
 

@@ -80,6 +80,8 @@ def sentence_of(error: Exception) -> str:
 
 
 _ROS2_SUFFIXES = (".mcap", ".db3")
+_COMPRESSED = (".zstd", ".zst")
+"""Files of rosbag2's compression by file, which metadata.yaml tells."""
 _METADATA = "metadata.yaml"
 _RESULT = "augmented.mcap"
 """The recording that replay and demo write into their folder."""
@@ -136,6 +138,11 @@ def _is_ros1(path: Path) -> bool:
     if path.suffix == ".active":
         message = f"{path}: the recording was not ended; `rosbag reindex` makes a .bag of it"
         raise BagError(message)
+    if path.suffix in _COMPRESSED:
+        raise BagError(
+            f"{path}: a compressed file; give its folder, if that has a metadata.yaml, or"
+            " decompress it (zstd -d)"
+        )
     if path.suffix not in (".bag", *_ROS2_SUFFIXES):
         message = f"{path}: no recording; rosbag2 folders, .mcap, .db3 and .bag files are"
         raise BagError(message)

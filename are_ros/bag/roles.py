@@ -7,8 +7,9 @@ from typing import Final
 
 from are_ros.bag.reader import BagTopic
 from are_ros.errors import BagError
-from are_ros.messages.images.image import raw_topic
+from are_ros.messages.images.image import camera_info_topic, raw_topic
 from are_ros.messages.sensors import SENSORS
+from are_ros.wording import listed
 
 TF_TYPES: Final = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 
@@ -27,8 +28,11 @@ ROLE_TYPES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 )
 """The roles, in the order they are listed, with the types that serve; the default is "/<role>"."""
 
+OCTOMAP: Final = "octomap_point_cloud_centers"
+"""The role of the topic with the voxels' centres."""
+_OCTOMAP_TYPE: Final = "octomap_msgs/msg/Octomap"
 _TELLTALES: Final = {
-    "octomap_point_cloud_centers": "octomap",
+    OCTOMAP: "octomap",
     "tf_static": "static",
     "depth": "depth",
 }
@@ -37,11 +41,15 @@ _TELLTALES: Final = {
 
 @dataclass(frozen=True)
 class FoundRole:
-    """A role, the topic that plays it (None: none does), and a notice for the user."""
+    """A role, the topic that plays it (None: none does), and a notice for the user.
+
+    `candidates` are the topics of which the user has to choose one.
+    """
 
     role: str
     topic: BagTopic | None
     sentence: str = ""
+    candidates: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -54,6 +62,11 @@ class RolesFound:
         """Return the name of the topic that plays a role, None if none does."""
         topic = next(entry.topic for entry in self.found if entry.role == role)
         return None if topic is None else topic.name
+
+    def to_choose(self, roles: Iterable[str]) -> tuple[str, ...]:
+        """Return those of some roles that several topics could play, so that none does."""
+        unclear = {entry.role for entry in self.found if entry.candidates}
+        return tuple(role for role in roles if role in unclear)
 
     def by_topic(self, roles: Iterable[str]) -> dict[str, str]:
         """Return {topic: role} of those of some roles that a topic plays."""
@@ -73,7 +86,8 @@ def find_roles(topics: Sequence[BagTopic], overrides: Mapping[str, str]) -> Role
     """Find a topic for each role: the override, else "/<role>", else the only one of its type.
 
     A topic that another role has by name is not considered. Where two roles share a type, the name
-    decides ("octomap", "static"). Topics without messages do not count.
+    decides ("octomap", "static"). Of several CameraInfo that beside the image is taken, else that
+    beside the depth image. Topics without messages do not count.
     BagError for an override of an unknown role, with an absent topic, or one of another type.
     """
     chosen = {role: _overridden(topics, role, name) for role, name in overrides.items()}
@@ -85,12 +99,15 @@ def find_roles(topics: Sequence[BagTopic], overrides: Mapping[str, str]) -> Role
                 chosen[role] = default
     taken = {topic.name for topic in chosen.values()}
     free = [topic for topic in filled if topic.name not in taken]
-    return RolesFound(
-        tuple(
-            FoundRole(role, chosen[role]) if role in chosen else _by_type(role, topics, free)
-            for role in ROLE_TYPES
-        )
-    )
+    found: dict[str, FoundRole] = {}
+    for role in ROLE_TYPES:
+        if role in chosen:
+            found[role] = FoundRole(role, chosen[role])
+        else:
+            images = [found[kind].topic for kind in ("image", "depth") if kind in found]
+            beside = {camera_info_topic(one.name): one.name for one in images if one is not None}
+            found[role] = _by_type(role, topics, free, beside)
+    return RolesFound(tuple(found.values()))
 
 
 def read_overrides(texts: Iterable[str]) -> dict[str, str]:
@@ -143,8 +160,16 @@ def _overridden(topics: Sequence[BagTopic], role: str, name: str) -> BagTopic:
     raise BagError(f"{option}: {reason}; {candidates}")
 
 
-def _by_type(role: str, topics: Sequence[BagTopic], free: Sequence[BagTopic]) -> FoundRole:
-    """Return the only free topic of the role's type, or why there is none."""
+def _by_type(
+    role: str,
+    topics: Sequence[BagTopic],
+    free: Sequence[BagTopic],
+    beside: Mapping[str, str],
+) -> FoundRole:
+    """Return the only free topic of the role's type, or why there is none.
+
+    Of several the first is taken that is `beside` an image, whose topic is its value.
+    """
     types = ROLE_TYPES[role]
     why = _why_no_default(role, topics)
     fitting = [topic for topic in free if _is_of_type(topic, role) and _suits(role, topic.name)]
@@ -152,15 +177,27 @@ def _by_type(role: str, topics: Sequence[BagTopic], free: Sequence[BagTopic]) ->
     candidates = [t for t in fitting if raw_topic(t.name) == t.name or raw_topic(t.name) not in raw]
     if len(candidates) == 1:
         (only,) = candidates
-        named = " named so" if role in SENSORS and role in _TELLTALES else ""
-        sentence = f"{role}: {why}; {only.name}, the only {only.type_name}{named}, is used"
+        so = " named so" if role in SENSORS and role in _TELLTALES else ""
+        sentence = f"{role}: {why}; {only.name}, the only {only.type_name}{so}, is used"
         return FoundRole(role, only, sentence)
+    named = {topic.name: topic for topic in candidates}
+    for name, image in beside.items():
+        if name in named:
+            return FoundRole(role, named[name], f"{role}: {why}; {name}, beside {image}, is used")
     if candidates:
-        names = ", ".join(topic.name for topic in candidates)
+        names = ", ".join(named)
         sentence = f"{role}: {why}, and several topics are {types[0]}: {names}"
         repeatable = " (repeatable: all are augmented)" if role in SENSORS else ""
         advice = f"choose one with --topic {role}:=/NAME{repeatable}"
-        return FoundRole(role, None, f"{sentence}; {advice}")
+        return FoundRole(role, None, f"{sentence}; {advice}", tuple(named))
+    octomaps = [topic.name for topic in free if topic.type_name == _OCTOMAP_TYPE]
+    if role == OCTOMAP and octomaps:
+        return FoundRole(
+            role,
+            None,
+            f"{role}: {why}; {listed(octomaps)}, {_OCTOMAP_TYPE}, cannot be read: record"
+            " octomap_server's centres, or save it (octomap_saver_node) and give --octomap FILE",
+        )
     has_namesake = any(slashed(topic.name) == f"/{role}" for topic in topics)
     sentence = f"{role}: {why}, and no other topic serves" if has_namesake else ""
     return FoundRole(role, None, sentence)

@@ -42,7 +42,7 @@ from are_ros.bag.recording import (
     walls_of,
 )
 from are_ros.checks.marker_rules import MarkerChange, change_of
-from are_ros.checks.oracle.frames import ODOMETRY, PARAMETER, TF, Frames
+from are_ros.checks.oracle.frames import ODOMETRY, PREFERRED_ODOMETRY, TF, Frames
 from are_ros.checks.oracle.solids import Cloud, RealMap
 from are_ros.checks.result import Tally, at_s
 from are_ros.checks.sensors.cloud_pairs import SensorCloud
@@ -134,6 +134,11 @@ class Record:
     farewell_messages: list[Perceived | Metrics] = field(default_factory=list)
     lags_ns: list[int] = field(default_factory=list)
     runs: Runs = field(default_factory=Runs)
+
+    def __post_init__(self) -> None:
+        """Take the transforms of the parameters, which hold against recorded ones."""
+        for text in self.settings.frames.static:
+            self.frames.add_given(text)
 
     @property
     def has_boxes(self) -> bool:
@@ -332,7 +337,7 @@ class Record:
             return
         sample = odometry.sample
         sample = sample._replace(child=sample.child or self.base_frame())
-        source = PARAMETER if use is OdometryUse.USE else ODOMETRY
+        source = PREFERRED_ODOMETRY if use is OdometryUse.USE else ODOMETRY
         self._take_transform(sample, odometry.at_ns, source, is_static=False)
 
     def _take_transform(

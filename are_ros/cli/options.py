@@ -111,7 +111,8 @@ _RECORDING_OPTIONS = (
         type=TOPIC,
         multiple=True,
         help="Let a topic play a part: map, octomap_point_cloud_centers, odom, scan, range, "
-        "camera/camera_info, tf, tf_static. Repeatable; several scans or ranges are all augmented.",
+        "points, depth, image, camera/camera_info, tf, tf_static, plan. Repeatable; several "
+        "topics of one sensor's role are all augmented.",
     ),
 )
 

@@ -171,7 +171,9 @@ class FramesParameters:
     map: str = parameter("map", "The world frame F_E: that of the map.")
     odom: str = parameter("odom", "The odometry frame; map->odom may be held for late sensor data.")
     base: str = parameter(
-        "", "The robot's base F_R; empty: base_footprint, else base_link, whichever there is."
+        "",
+        "The robot's base F_R; empty: base_footprint, else base_link, whichever there is. A replay "
+        "also finds such a name in a namespace, else takes the child frame of the odometry.",
     )
     max_age: float = parameter(
         0.5, "Oldest robot pose that a tick accepts.", unit="s", low=0.0, high=60.0

@@ -1,5 +1,6 @@
 """One replay from its options to its recording."""
 
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -9,10 +10,10 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.robots import WITHOUT_STAMP
+from are_ros.agents.robots import TOO_OLD, WITHOUT_STAMP
 from are_ros.agents.scenario_recorder import ScenarioRecorder
 from are_ros.bag.reader import BagReader
-from are_ros.bag.roles import RolesFound, find_roles
+from are_ros.bag.roles import OCTOMAP, RolesFound, find_roles
 from are_ros.bag.stretches import needed_wait_s
 from are_ros.bag.types import RosbagsFactory
 from are_ros.bag.writer import BagWriter
@@ -23,7 +24,7 @@ from are_ros.builder.sensors.sensor_path import SensorPathCounts
 from are_ros.builder.warm_up import WarmUpNeeds, warm_up
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import SceneRecord
-from are_ros.errors import BagError, InputError, MapError
+from are_ros.errors import BagError, FrameError, InputError, MapError
 from are_ros.messages.feed import Refusals
 from are_ros.messages.sensors import SENSORS, sensor_topics
 from are_ros.messages.tick_encoding import offered_outputs
@@ -46,9 +47,10 @@ from are_ros.replay.timeline import (
     ReplayOptions,
     Timeline,
 )
-from are_ros.wording import counted
+from are_ros.wording import counted, listed
 from are_ros.world.map_io import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_files.octomap import read_voxel_file
 from are_ros.world.voxel_map import VoxelMap
 
@@ -97,9 +99,15 @@ class MapFiles:
 
 
 _CAMERA_ROLE: Final = "camera/camera_info"
-_CLOUD_ROLE: Final = "octomap_point_cloud_centers"
 _PREPARING: Final = "preparing the kernels (a minute or two the first time)"
 _TRANSFORM_ROLES: Final = ("tf", "tf_static", "odom")
+
+_UPWARDS: Final = 0.8
+"""The z component of a look to the ceiling; bodies of cameras are tilted by some degrees."""
+_LINK_FROM_OPTICAL: Final = RigidTransform.from_xyz_ypr(
+    0.0, 0.0, 0.0, -0.5 * math.pi, 0.0, -0.5 * math.pi
+)
+"""The usual joint from a camera's body (x ahead, z up) to its optical frame."""
 
 Say = Callable[[str], None]
 OpenProgress = Callable[[int, int], Progress]
@@ -142,7 +150,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             timeline = Timeline.of(reader, options, roles)
             history_s = options.parameters.poses.history
             needed_s = needed_wait_s(timeline.waits, history_s)
-            options = _with_wait(options, needed_s)
+            options = _with_base(_with_wait(options, needed_s), timeline.base_frame)
             catalogue = catalogue_of(options.parameters)
             builder = ArBuilder(options.parameters, catalogue, options.demand)
             scenario = builder.lives.record_scenario() if options.save_scenario else None
@@ -157,7 +165,9 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             if _CAMERA_ROLE in replay.role_of_topic.values():
                 builder.await_camera()
             elif options.parameters.camera.model is CameraModel.AUTO:
-                say(f"no camera in the recording: {builder.use_default_camera()}")
+                is_unclear = roles.to_choose((_CAMERA_ROLE,))
+                none_where = "is chosen" if is_unclear else "in the recording"
+                say(f"no camera {none_where}: {builder.use_default_camera()}")
             kinds = {kind.role for kind in sensor_topics(replay.role_of_topic).values()}
             needs = WarmUpNeeds(
                 options.demand,
@@ -165,7 +175,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
                 has_clouds="points" in kinds,
                 has_depths="depth" in kinds,
                 has_images="image" in kinds,
-                has_voxels=options.octomap_file is not None or roles.topic(_CLOUD_ROLE) is not None,
+                has_voxels=options.octomap_file is not None or roles.topic(OCTOMAP) is not None,
             )
             with said_if_slow(say, _PREPARING), KernelBar() as bar:
                 warm_up(catalogue, needs=needs, count=bar.count)
@@ -178,12 +188,16 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             with stopwatch.phase(REPLAY_PHASE):
                 progress = open_progress(replay.start_ns, replay.start_ns + replay.length_ns)
                 replay.run([keeper, standing, *writers], progress)
-            grid = _known_map(builder, replay)
+            grid = _known_map(builder, replay, roles)
     if scenario is not None:
         _save_scenario(options, scenario, say)
     for notice in [*builder.notices, *builder.frames.drain_notices()]:
         say(notice)
-    doubts = [*_late_camera(options, replay, keeper), *standing.sentences()]
+    doubts = [
+        *_late_camera(options, replay, keeper),
+        *_upward_cameras(builder, timeline.image_frames),
+        *standing.sentences(),
+    ]
     problem = _camera_problem(options, builder, replay, keeper)
     return Outcome(
         options,
@@ -220,11 +234,20 @@ def _with_wait(options: ReplayOptions, needed_s: float) -> ReplayOptions:
     return replace(options, parameters=with_values(options.parameters, wait))
 
 
+def _with_base(options: ReplayOptions, base_frame: str) -> ReplayOptions:
+    """Set `frames.base` to the frame that the recording calls so, "" for none."""
+    if not base_frame:
+        return options
+    base = {"frames.base": base_frame}
+    return replace(options, parameters=with_values(options.parameters, base))
+
+
 def _say_what_is_missing(options: ReplayOptions, roles: RolesFound, say: Say) -> None:
     """Raise BagError where there is no map; say which topics play the other roles."""
     sensors = options.parameters.sensors
     named = [role for role, kind in SENSORS.items() if not kind.is_by_role(sensors)]
-    for sentence in roles.sentences(silent=named):
+    given = [OCTOMAP] if options.octomap_file is not None else []
+    for sentence in roles.sentences(silent=[*named, *given]):
         say(sentence)
     if roles.topic("map") is None and options.map_file is None:
         raise BagError(WITHOUT_MAP)
@@ -272,7 +295,7 @@ def _static_transforms(parameters: Parameters, stamp_ns: int) -> list[StampedTra
     return transforms
 
 
-def _known_map(builder: ArBuilder, replay: Replay) -> OccupancyGrid:
+def _known_map(builder: ArBuilder, replay: Replay, roles: RolesFound) -> OccupancyGrid:
     """Return the last map; BagError where there was none, or the robot's pose was never known."""
     grid = builder.world.grid
     if grid is None:
@@ -280,15 +303,22 @@ def _known_map(builder: ArBuilder, replay: Replay) -> OccupancyGrid:
     if builder.robots.last is None:
         raise BagError(
             f"the robot's pose in the map was never known ({_why_no_pose(builder, replay)}): "
-            f"{_what_joins(builder)}"
+            f"{_what_joins(builder, roles)}"
         )
     return grid
 
 
-def _what_joins(builder: ArBuilder) -> str:
-    """Return what joins map and robot: an option, or transforms with stamps."""
+def _what_joins(builder: ArBuilder, roles: RolesFound) -> str:
+    """Return what joins map and robot: topics, an option, or transforms with stamps."""
+    unclear = roles.to_choose(_TRANSFORM_ROLES)
+    if unclear and roles.topic("tf") is None:
+        options = listed([f"--topic {role}:=/NAME" for role in unclear])
+        return f"several topics could tell it, so give {options}"
     if builder.robots.missing.endswith(WITHOUT_STAMP):
         return "let its publisher stamp it, and record anew"
+    if builder.robots.missing.endswith(TOO_OLD):
+        max_age_s = builder.parameters.frames.max_age
+        return f"--set frames.max_age:=SECONDS takes older ones; it is {max_age_s:g}"
     map_frame, base = builder.parameters.frames.map, builder.robots.base_frame()
     parents = {edge.child: edge.parent for edge in builder.frames.edges()}
     root = root_above(base, parents)
@@ -353,6 +383,39 @@ def _late_camera(options: ReplayOptions, replay: Replay, keeper: RecordKeeper) -
         f"nothing was perceived in the first {late_s:.1f} s: no CameraInfo came on {topic} before"
     )
     return [f"{said}; {WITHOUT_CAMERA_INFO}"]
+
+
+def _upward_cameras(builder: ArBuilder, image_frames: Collection[str]) -> list[str]:
+    """Return a sentence for each camera that looks up to the ceiling.
+
+    Few do: mostly the frame is that of the body, whose x axis is the look (REP 103).
+    """
+    frames = {*image_frames, builder.camera.frame_id if builder.camera else ""} - {""}
+    parents = {edge.child: edge.parent for edge in builder.frames.edges()}
+    doubts = []
+    for frame in sorted(frames & parents.keys()):
+        if _pose_in(builder, builder.robots.base_frame(), frame)[2, 2] > _UPWARDS:
+            pose = _pose_in(builder, parents[frame], frame) @ _LINK_FROM_OPTICAL.matrix()
+            x_m, y_m, z_m = pose[:3, 3]
+            yaw, roll = np.arctan2(pose[1, 0], pose[0, 0]), np.arctan2(pose[2, 1], pose[2, 2])
+            pitch = np.arctan2(-pose[2, 0], np.hypot(pose[0, 0], pose[1, 0]))
+            # zeros are added so that there is no -0
+            numbers = " ".join(f"{v.round(4) + 0.0:g}" for v in (x_m, y_m, z_m, yaw, pitch, roll))
+            doubts.append(
+                f"the camera in {frame} looks up to the ceiling, as the z axis of its frame does;"
+                f' if the x axis is the look, give --static-tf "{numbers} {parents[frame]} {frame}"'
+            )
+    return doubts
+
+
+def _pose_in(builder: ArBuilder, parent: str, child: str) -> npt.NDArray[np.float64]:
+    """Return the newest pose of a frame in another as a matrix (4, 4), NaN where not known."""
+    tree = builder.frames
+    try:
+        pose = tree.lookup(parent, child, tree.latest_common_time(parent, child))
+    except FrameError:
+        return np.full((4, 4), np.nan)
+    return pose.matrix()
 
 
 def _camera_topic(replay: Replay) -> str:

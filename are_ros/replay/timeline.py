@@ -1,11 +1,11 @@
 """The options of a replay, and the topics and times of the recording that it reads."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from are_ros.bag.clock import BagClock, Ints, RecordedTimes
+from are_ros.bag.clock import BASE_FRAMES, BagClock, Ints, RecordedTimes, base_frame_of
 from are_ros.bag.reader import BagReader
 from are_ros.bag.roles import RolesFound, slashed
 from are_ros.bag.stretches import Stretches, Window, scan_waits, stretches_of
@@ -62,7 +62,9 @@ class Timeline:
     """The topics and times that a replay reads, known before the replay begins.
 
     Nothing moves between the spans of `stretches`. `waits` tell how long scans wait for their
-    transforms [ns], by topic.
+    transforms [ns], by topic. `base_frame` is the robot's base where it has none of the usual
+    names, nor one that the parameters give; else it is empty. `image_frames` are the frames of
+    images, the optical ones of their cameras.
     """
 
     role_of_topic: Mapping[str, str]
@@ -70,6 +72,8 @@ class Timeline:
     stretches: Stretches
     clock: BagClock
     waits: Mapping[str, Ints]
+    base_frame: str = ""
+    image_frames: frozenset[str] = frozenset()
 
     @classmethod
     def of(cls, reader: BagReader, options: ReplayOptions, roles: RolesFound) -> "Timeline":
@@ -89,6 +93,11 @@ class Timeline:
                 f"nothing moves in the {length} that --start and --duration choose: they lie in a "
                 "gap of the recording, which a replay leaves out"
             )
+        frames = {
+            times.scan_frames[topic]
+            for topic, role in role_of_topic.items()
+            if role in SENSORS and SENSORS[role].is_image
+        }
         given = [parse_static_transform(text)[:2] for text in options.parameters.frames.static]
         return cls(
             role_of_topic=role_of_topic,
@@ -96,13 +105,27 @@ class Timeline:
             stretches=stretches,
             clock=clock,
             waits=scan_waits(times, clock, options.parameters.frames.map, given),
+            base_frame="" if options.parameters.frames.base else _unusual_base(times, given),
+            image_frames=frozenset(frames - {""}),
         )
 
     def sentences(self) -> list[str]:
         """Return notices for the user."""
         said = [*self.window.sentences("the replay")]
         said += self.stretches.sentences(self.window.begin_ns)
+        if self.base_frame:
+            said.append(
+                f"no frame is called {' or '.join(BASE_FRAMES)}: {self.base_frame} is taken for the"
+                " robot's base; --set frames.base:=NAME takes another"
+            )
         return [*said, *filter(None, (self.clock.sentence, self.clock.disagreement))]
+
+
+def _unusual_base(times: RecordedTimes, given: Collection[tuple[str, str]]) -> str:
+    """Return the robot's base by the edges of a recording, "" where it has a usual name."""
+    frames = {frame for edge in (*times.edges, *times.static_edges, *given) for frame in edge}
+    base = base_frame_of(frames, times.odometry_child)
+    return "" if base in BASE_FRAMES else base
 
 
 def topics_to_read(reader: BagReader, options: ReplayOptions, roles: RolesFound) -> dict[str, str]:

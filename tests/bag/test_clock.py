@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.bag.clock import BagClock, RecordedTimes
+from are_ros.bag.clock import BagClock, RecordedTimes, base_frame_of
 from are_ros.bag.reader import BagReader
 from are_ros.bag.types import RosbagsFactory
 from are_ros.conventions import NS_PER_S
@@ -163,3 +163,24 @@ def test_a_map_from_long_before_does_not_stretch_the_replay(
     metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
     assert 0 < metrics["ticks"] < 1000
     assert metrics["area_m2"] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("frames", "odometry_child", "expected"),
+    [
+        ({"odom", "base_link", "base_footprint"}, "", "base_footprint"),
+        ({"base_link", "r1/base_footprint"}, "", "base_link"),
+        ({"r1/odom", "r1/base_link"}, "", "r1/base_link"),
+        ({"r1/base_footprint", "r1/base_link"}, "r1/base_link", "r1/base_footprint"),
+        ({"r1/base_link", "r2/base_link"}, "", ""),
+        ({"r1/base_link", "r2/base_link"}, "r2/base_link", "r2/base_link"),
+        ({"camera_init", "body"}, "body", "body"),
+        ({"odom", "my_base_link"}, "", ""),
+        ({"odom"}, "body", ""),
+    ],
+)
+def test_the_base_is_told_by_its_name_or_by_the_odometry(
+    frames: set[str], odometry_child: str, expected: str
+) -> None:
+    """A usual name, also in the only namespace; else what the odometry moves, if it is known."""
+    assert base_frame_of(frames, odometry_child) == expected

@@ -227,13 +227,14 @@ def test_a_truncated_recording_is_said(
 def test_paths_that_are_no_recordings_are_said(tmp_path: Path) -> None:
     """Each mistake has its sentence."""
     (tmp_path / "folder").mkdir()
-    for name in ("a.bag", "b.mcap", "c.txt", "d.bag.active", "folder/x.db3"):
+    for name in ("a.bag", "b.mcap", "c.txt", "d.bag.active", "e.mcap.zstd", "folder/x.db3"):
         (tmp_path / name).write_bytes(b"")
     for names, sentence in (
         ([], "no recording was given"),
         (["nix.bag"], "there is no such file or folder"),
         (["c.txt"], "no recording; rosbag2 folders, .mcap, .db3 and .bag files are"),
         (["d.bag.active"], "`rosbag reindex` makes a .bag of it"),
+        (["e.mcap.zstd"], "give its folder, if that has a metadata.yaml, or decompress it (zstd"),
         (["folder"], "no rosbag2 recording; give the files in it themselves: x.db3"),
         (["a.bag", "b.mcap"], "recordings of ROS 1 and of ROS 2 cannot be read together"),
     ):

@@ -162,3 +162,37 @@ def test_overrides_are_read() -> None:
 def test_every_role_is_answered() -> None:
     """Each input of the interface has an entry, also in an empty recording."""
     assert [entry.role for entry in find_roles([], {}).found] == list(ROLE_TYPES)
+
+
+def test_of_several_cameras_that_of_the_image_is_taken() -> None:
+    """CameraInfo beside the colour image, else beside the depth image, as a RealSense has them."""
+    image, info = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
+    depth = topics(cam__depth__image_rect_raw=image, cam__depth__camera_info=info)
+    colour = topics(cam__color__image_raw=image, cam__color__camera_info=info)
+    roles = find_roles([*depth, *colour], {})
+    assert roles.topic("camera/camera_info") == "/cam/color/camera_info"
+    assert roles.sentences()[-1] == (
+        "camera/camera_info: there is no /camera/camera_info; /cam/color/camera_info,"
+        " beside /cam/color/image_raw, is used"
+    )
+    infrared = topics(cam__infra1__image_raw=image, cam__infra1__camera_info=info)
+    roles = find_roles([*depth, *colour, *infrared], {})
+    assert roles.topic("image") is None
+    assert roles.topic("camera/camera_info") == "/cam/depth/camera_info"
+    assert roles.to_choose(ROLE_TYPES) == ("image",)
+    chosen = find_roles([*depth, *colour, *infrared], {"image": "/cam/infra1/image_raw"})
+    assert chosen.topic("camera/camera_info") == "/cam/infra1/camera_info"
+    lone = topics(left__camera_info=info, right__camera_info=info)
+    assert find_roles(lone, {}).to_choose(ROLE_TYPES) == ("camera/camera_info",)
+
+
+def test_an_octomap_as_a_message_is_named_with_what_can_be_read() -> None:
+    """Only where nothing else tells the voxels."""
+    octomap = "octomap_msgs/msg/Octomap"
+    both = topics(octomap_binary=octomap, octomap_full=octomap)
+    (sentence,) = find_roles(both, {}).sentences()
+    assert sentence.startswith(
+        "octomap_point_cloud_centers: there is no /octomap_point_cloud_centers; /octomap_binary and"
+        f" /octomap_full, {octomap}, cannot be read: record octomap_server's"
+    )
+    assert find_roles([*both, *topics(octomap_point_cloud_centers=CLOUD)], {}).sentences() == ()

@@ -24,6 +24,7 @@ from are_ros.world.boxes import OrientedBoxes, overlaps
 from are_ros.world.footprint import Footprint, penetration_m
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.transforms.table import TransformSource
 from are_ros.world.transforms.tree import FrameTree
 from are_ros.world.voxel_map import VoxelMap
 
@@ -196,6 +197,28 @@ def test_lookups_are_those_of_the_frame_tree() -> None:
     assert frames.lookup("map", "laser", 999 * MS, KNOWN) is None
     assert frames.lookup("map", "laser", 123 * MS, 122 * MS) is None
     assert frames.lookup("map", "nowhere", 123 * MS, KNOWN) is None
+
+
+@pytest.mark.parametrize("is_turned", [False, True])
+def test_given_transforms_hold_against_recorded_ones(is_turned: bool) -> None:
+    """As in the builder's tree, also where the pair is given the other way round."""
+    generator, tree, frames = np.random.default_rng(6), FrameTree(), Frames()
+    x, y, z, yaw, pitch, roll = generator.uniform(-1.5, 1.5, 6).tolist()
+    pair = ("laser", "base") if is_turned else ("base", "laser")
+    given = RigidTransform.from_xyz_ypr(x, y, z, yaw, pitch, roll)
+    place, turn = given.translation_m.tolist(), given.rotation_xyzw.tolist()
+    tree.set_static(*pair, place, turn, source=TransformSource.PARAMETER)
+    frames.add_given(f"{x!r} {y!r} {z!r} {yaw!r} {pitch!r} {roll!r} {pair[0]} {pair[1]}")
+    for parent, child in (("base", "laser"), ("map", "base"), ("laser", "beam")):
+        place = generator.normal(size=3).tolist()
+        frames.add(parent, child, 0, 0, (*place, 0.0, 0.6, 0.0, 0.8), TF, is_static=True)
+        tree.set_static(parent, child, place, (0.0, 0.6, 0.0, 0.8))
+    for target, source in (("base", "laser"), ("map", "beam"), ("beam", "base")):
+        ours = frames.lookup(target, source, 0, KNOWN)
+        assert ours is not None
+        theirs = tree.lookup(target, source, 0).matrix()
+        np.testing.assert_allclose(ours.rotation, theirs[:3, :3], atol=1e-9)
+        np.testing.assert_allclose(ours.translation_m, theirs[:3, 3], atol=1e-9)
 
 
 def test_markers_are_decoded_as_they_were_encoded() -> None:

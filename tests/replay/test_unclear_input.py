@@ -73,6 +73,20 @@ def test_an_option_replaces_a_transform_of_the_file(
     assert static == ["0 0 0 0 0 0 b c", "1 0 0 0 0 0 b a"]
 
 
+def test_the_check_takes_the_transform_that_the_replay_took(
+    run_are: RunAre, sample_bag: Path, tmp_path: Path
+) -> None:
+    """A laser that stands elsewhere than its recorded mount says: beams end at artefacts there."""
+    words = ("--duration", 3, "--static-tf", "0 0 0.3 0.7 0 0 base_link base_scan")
+    many = ("--set", "population.arrival_rate:=0.05", "--with-inputs", "--out", tmp_path)
+    done = run_are("replay", sample_bag, *words, *many)
+    assert done.returncode == 0, done.stderr
+    checked = run_are("check", tmp_path)
+    assert checked.returncode == 0, checked.stdout
+    (line,) = [line for line in checked.stdout.splitlines() if line.startswith("ends of changed")]
+    assert "passed" in line
+
+
 def _with(records: Records, topics: Sequence[str], change: Callable[[Any], None]) -> Records:
     """Return records with the messages of some topics changed."""
     changed = []
@@ -170,6 +184,124 @@ def test_a_map_in_another_frame_names_the_option(
     said = done.stdout + done.stderr
     for part in ("'earth'" if command == "replay" else "earth", "--map-frame", "rolling"):
         assert part in said
+
+
+def _in_namespace(records: Records, space: str, frames: Sequence[str]) -> Records:
+    """Return records whose topics, but for the map, are in a namespace, and some frames, too."""
+
+    def named(frame: str) -> str:
+        return f"{space}/{frame}" if frame in frames else frame
+
+    def rename(message: Any) -> None:
+        if hasattr(message, "header"):
+            message.header.frame_id = named(message.header.frame_id)
+        if hasattr(message, "child_frame_id"):
+            message.child_frame_id = named(message.child_frame_id)
+        for one in getattr(message, "transforms", ()):
+            rename(one)
+
+    topics = {topic for topic, _, _ in records} - {"/map"}
+    return [
+        (f"/{space}{topic}" if topic in topics else topic, at, message)
+        for topic, at, message in _with(records, [*topics], rename)
+    ]
+
+
+FRAMES = ("odom", "base_footprint", "base_link", "base_scan", "camera_link", "camera_optical_frame")
+
+
+def test_a_robot_in_a_namespace_has_its_base_there(
+    run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path
+) -> None:
+    """Topics and frames are found, one is told, and the scans are those of the robot without."""
+    plain = write_bag(tmp_path / "plain.mcap", sample_records)
+    spaced = write_bag(tmp_path / "spaced.mcap", _in_namespace(sample_records, "r1", FRAMES))
+    done = run_are("replay", plain, "--set", "frames.odom:=odom", "--out", tmp_path / "a")
+    assert done.returncode == 0, done.stderr
+    assert "the robot's base" not in done.stderr
+    done = run_are("replay", spaced, "--set", "frames.odom:=r1/odom", "--out", tmp_path / "b")
+    assert done.returncode == 0, done.stderr
+    (line,) = [line for line in done.stderr.splitlines() if "the robot's base" in line]
+    assert line.startswith("no frame is called base_footprint or base_link: r1/base_footprint is")
+    effective = yaml.safe_load((tmp_path / "b/effective.yaml").read_text())
+    assert effective["ar_builder"]["ros__parameters"]["frames"]["base"] == "r1/base_footprint"
+    assert "nothing: it can be replayed as it is" in run_are("inspect", spaced).stdout
+    assert run_are("check", tmp_path / "b").returncode == 0
+    ranges = {}
+    for folder in ("a", "b"):
+        with BagReader([tmp_path / folder / "augmented.mcap"]) as reader:
+            scans = map(reader.deserialize, reader.messages(["/ar_builder/scan"]))
+            ranges[folder] = [scan.ranges.tobytes() for scan in scans]
+    assert ranges["a"] == ranges["b"]
+    assert len(ranges["a"]) > 40
+
+
+def test_of_two_robots_one_has_to_be_chosen(
+    run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path
+) -> None:
+    """The last sentence names the roles that several topics could play, not a transform."""
+    one, other = (_in_namespace(sample_records, space, FRAMES) for space in ("r1", "r2"))
+    both = sorted([*one, *(r for r in other if r[0] != "/map")], key=lambda record: record[1])
+    bag = write_bag(tmp_path / "two.mcap", both)
+    done = run_are("replay", bag, "--out", tmp_path / "out")
+    assert done.returncode == 1
+    assert done.stderr.rstrip().endswith(
+        "so give --topic tf:=/NAME, --topic tf_static:=/NAME and --topic odom:=/NAME"
+    )
+    assert "no camera is chosen: a pinhole" in done.stderr
+    roles = {"tf": "tf", "tf_static": "tf_static", "odom": "odom", "scan": "scan"}
+    words = [w for role, topic in roles.items() for w in ("--topic", f"{role}:=/r2/{topic}")]
+    done = run_are("replay", bag, *words, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert "r2/base_footprint is taken for the robot's base" in done.stderr
+
+
+def test_a_pose_that_comes_too_late_names_the_parameter(
+    run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path
+) -> None:
+    """A localiser that takes a second: which age is taken is a parameter, not a transform."""
+
+    def arrival(topic: str, at_ns: int, message: Any) -> int:
+        is_late = topic == "/tf" and message.transforms[0].header.frame_id == "map"
+        return at_ns + (NS_PER_S if is_late else 0)
+
+    records = [(topic, arrival(topic, at, m), m) for topic, at, m in sample_records]
+    bag = write_bag(tmp_path / "late.mcap", sorted(records, key=lambda record: record[1]))
+    done = run_are("replay", bag, "--out", tmp_path / "out")
+    assert done.returncode == 1
+    assert "s old): --set frames.max_age:=SECONDS takes older ones; it is 0.5" in done.stderr
+    words = ("--set", "frames.max_age:=1.5", "--out", tmp_path / "out")
+    assert run_are("replay", bag, *words).returncode == 0
+
+
+def test_a_camera_in_the_frame_of_its_body_is_told_with_its_remedy(
+    run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path
+) -> None:
+    """Its frame has x ahead, so that it would look at the ceiling; the option turns it."""
+
+    def rename(message: Any) -> None:
+        message.header.frame_id = "camera_link"
+
+    many = ("--set", "population.arrival_rate:=0.012", "--set", "sensors.gate:=all")
+
+    def perceived(bag: Path, *words: str) -> tuple[list[list[int]], list[str]]:
+        done = run_are("replay", bag, *many, *words, "--out", tmp_path / "out")
+        assert done.returncode == 0, done.stderr
+        with BagReader([tmp_path / "out" / "augmented.mcap"]) as reader:
+            lists = map(reader.deserialize, reader.messages(["/ar_builder/perceived"]))
+            ids = [sorted(one.id for one in found.artefacts) for found in lists]
+        return ids, [line for line in done.stderr.splitlines() if "looks up to the ceiling" in line]
+
+    plain, nothing = perceived(write_bag(tmp_path / "a.mcap", sample_records))
+    assert sum(map(len, plain)) > 20
+    assert not nothing
+    bag = write_bag(tmp_path / "b.mcap", _with(sample_records, [CAMERA], rename))
+    to_the_ceiling, (line,) = perceived(bag)
+    assert sum(map(len, to_the_ceiling)) < sum(map(len, plain)) / 4
+    assert line.startswith("the camera in camera_link looks up to the ceiling")
+    option = line.partition('give --static-tf "')[2].removesuffix('"')
+    assert option.endswith(" base_link camera_link")
+    assert perceived(bag, "--static-tf", option) == (plain, [])
 
 
 def test_results_without_the_animation_end_with_status_3(

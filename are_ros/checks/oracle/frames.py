@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-ODOMETRY, TF, PARAMETER = 0, 1, 2
+ODOMETRY, TF, PREFERRED_ODOMETRY, PARAMETER = 0, 1, 2, 3
 """If an edge has several sources, the highest number wins."""
 
 EVER: Final = 2**63 - 1
@@ -102,6 +102,8 @@ class Frames:
         parent, child = parent.lstrip("/"), child.lstrip("/")
         if not (parent and child) or abs(sum(n * n for n in numbers[3:]) - 1.0) > 0.01:
             return
+        if source != PARAMETER:
+            self._turn_given(parent, child)
         edges = self._edges.setdefault(child, {})
         edge = edges.get(source)
         if edge is None or edge.parent != parent or edge.is_static != is_static:
@@ -110,6 +112,33 @@ class Frames:
             edge.numbers.append(numbers)
         else:
             edge.add(stamp_ns, log_ns, numbers)
+
+    def add_given(self, text: str) -> None:
+        """Take a static transform of the parameters, "X Y Z YAW PITCH ROLL PARENT CHILD"."""
+        *numbers, parent, child = text.split()
+        x, y, z, yaw, pitch, roll = map(float, numbers)
+        half = 0.5 * np.array((yaw, pitch, roll))
+        (cy, cp, cr), (sy, sp, sr) = np.cos(half).tolist(), np.sin(half).tolist()
+        turn = (
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+            cr * cp * cy + sr * sp * sy,
+        )
+        self.add(parent, child, 0, 0, (x, y, z, *turn), PARAMETER, is_static=True)
+
+    def _turn_given(self, parent: str, child: str) -> None:
+        """Let a given edge of two frames point as the recorded one does, whose number holds."""
+        given = self._edges.get(parent, {}).get(PARAMETER)
+        if given is None or given.parent != child:
+            return
+        del self._edges[parent][PARAMETER]
+        if not self._edges[parent]:
+            del self._edges[parent]
+        x, y, z, i, j, k, w = given.numbers[-1]
+        place = -(_pose((0.0, 0.0, 0.0, -i, -j, -k, w)).rotation @ (x, y, z))
+        numbers = (*place.tolist(), -i, -j, -k, w)
+        self.add(parent, child, 0, 0, numbers, PARAMETER, is_static=True)
 
     def has(self, frame: str) -> bool:
         """Tell whether a transform names this frame."""

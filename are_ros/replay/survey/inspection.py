@@ -4,7 +4,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from are_ros.bag.clock import BASE_FRAMES, MOVING_ROLES, BagClock, RecordedTimes, first_time
+from are_ros.bag.clock import (
+    BASE_FRAMES,
+    MOVING_ROLES,
+    BagClock,
+    RecordedTimes,
+    base_frame_of,
+    first_time,
+)
 from are_ros.bag.reader import BagReader, BagTopic
 from are_ros.bag.roles import ROLE_TYPES, RolesFound, find_roles
 from are_ros.bag.stretches import Stretches, scan_waits, stretches_of, wait_sentence
@@ -75,7 +82,7 @@ def inspect_bag(
 
     `overrides` are the user's topics by role, `given_edges` the (parent, child) of the transforms
     that come by parameter or option, `scans` all topics that are to be scans; `map_frame` and
-    `base_frame` are those of the parameters (base empty: base_footprint, else base_link). BagError
+    `base_frame` are those of the parameters (base empty: as `base_frame_of`). BagError
     as `find_roles` and the reader.
     """
     roles = find_roles(reader.topics, overrides or {})
@@ -94,7 +101,7 @@ def inspect_bag(
     map_topic = roles.topic("map")
     of_map = "" if has_map_file else frame_ids.get(map_topic or "", "")
     world_frame, map_frame = map_frame, of_map or map_frame
-    base_frame = base_frame or next((f for f in BASE_FRAMES if f in survey.frames()), "")
+    base_frame = base_frame or base_frame_of(survey.frames(), times.odometry_child)
     sensors = roles.by_topic(_SENSOR_ROLES)
     missing = [
         *_missing_map(map_topic, has_map_file=has_map_file),
@@ -246,7 +253,10 @@ def _missing_pose(survey: FrameSurvey, map_frame: str, base_frame: str) -> Itera
     known = ", ".join(survey.frames()) or "none"
     if not base_frame:
         names = " nor ".join(BASE_FRAMES)
-        yield f"there is no frame of the base, neither {names}: set frames.base (frames: {known})"
+        yield (
+            f"there is no frame of the base, neither {names}: give it with --set frames.base:=NAME"
+            f" (frames: {known})"
+        )
     elif map_frame not in survey.connected_to(base_frame):
         beside = ", ".join(sorted(survey.connected_to(base_frame) - {base_frame}))
         others = f", which hangs together with {beside}" if beside else ""
