@@ -171,7 +171,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
                 warm_up(catalogue, needs=needs, count=bar.count)
             files.feed(builder, replay.start_ns)
         perceives = options.demand.perception
-        recorder = SceneRecorder.of(options.parameters, catalogue, is_perceiving=perceives)
+        recorder = SceneRecorder(options.parameters, catalogue, is_perceiving=perceives)
         keeper, standing = RecordKeeper(recorder, builder), StandingWatch(builder)
         with ExitStack() as stack:
             writers, counts = _open_writers(stack, options, reader, replay, builder, files)
