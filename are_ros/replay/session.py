@@ -14,7 +14,6 @@ from are_ros.agents.scenario_recorder import ScenarioRecorder
 from are_ros.bag.reader import BagReader
 from are_ros.bag.roles import RolesFound, find_roles
 from are_ros.bag.stretches import needed_wait_s
-from are_ros.bag.types import RosbagsFactory
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import catalogue_of, parse_static_transforms
@@ -242,7 +241,6 @@ def _open_writers(
     if options.out is None:
         return (), dict
     writer = stack.enter_context(BagWriter(options.out / AUGMENTED))
-    factory = RosbagsFactory()
     sensors = options.parameters.sensors
     offered = offered_outputs(
         options.parameters.certainty,
@@ -252,7 +250,7 @@ def _open_writers(
     outputs = TickWriter(writer, replay.role_of_topic, options.demand, offered, sensors)
     if not options.with_inputs:
         return (outputs,), writer.counts
-    copy = InputCopy(reader, writer, factory, replay.role_of_topic)
+    copy = InputCopy(reader, writer, replay.role_of_topic)
     if options.map_file is not None and builder.world.grid is not None:
         copy.write_map("/map", builder.world.grid, replay.start_ns)
     if files.cloud is not None:
