@@ -169,12 +169,14 @@ class SceneReader:
             CLOUD: self._take_cloud,
             SCAN: partial(_remember, self._scans.inputs),
             AUGMENTED_SCAN: partial(_remember, self._scans.outputs),
-            **{role: self._other_camera(role) for role in other_camera_roles(parameters).values()},
+            **{
+                role: partial(self._take_camera, int(role.removeprefix(_OTHER_CAMERA)))
+                for role in other_camera_roles(parameters).values()
+            },
         }
 
-    def _other_camera(self, role: str) -> Callable[[Any], None]:
-        number = int(role.removeprefix(_OTHER_CAMERA))
-        return lambda image: self._robot.take_camera(image.message, number)
+    def _take_camera(self, number: int, image: Any) -> None:
+        self._robot.take_camera(image.message, number)
 
     @property
     def camera(self) -> ViewModel | None:

@@ -274,11 +274,13 @@ def _known_map(builder: ArBuilder, replay: Replay) -> OccupancyGrid:
     """Return the last map; BagError where there was none, or the robot's pose was never known."""
     grid = builder.world.grid
     if grid is None:
-        raise BagError(_why_no_map(replay))
+        reason = _refused(replay, ("map",)) or "the recording has none before its end"
+        raise BagError(f"no usable map was received ({reason}): give one with --map FILE.yaml")
     if builder.robots.last is None:
+        refused = _refused(replay, _TRANSFORM_ROLES)
+        reason = builder.robots.missing + (f"; refused: {refused}" if refused else "")
         raise BagError(
-            f"the robot's pose in the map was never known ({_why_no_pose(builder, replay)}): "
-            f"{_what_joins(builder)}"
+            f"the robot's pose in the map was never known ({reason}): {_what_joins(builder)}"
         )
     return grid
 
@@ -296,18 +298,6 @@ def _what_joins(builder: ArBuilder) -> str:
         f"see `are inspect BAG`, and give {static_tf_option(map_frame, root)}, which `are align`"
         " finds by the scans, or the map's frame with --map-frame"
     )
-
-
-def _why_no_map(replay: Replay) -> str:
-    """Return why no map of the recording was used."""
-    reason = _refused(replay, ("map",)) or "the recording has none before its end"
-    return f"no usable map was received ({reason}): give one with --map FILE.yaml"
-
-
-def _why_no_pose(builder: ArBuilder, replay: Replay) -> str:
-    """Return why the robot's pose was never known, with the refused transforms."""
-    refused = _refused(replay, _TRANSFORM_ROLES)
-    return f"{builder.robots.missing}; refused: {refused}" if refused else builder.robots.missing
 
 
 def _refused(replay: Replay, roles: Collection[str]) -> str:
