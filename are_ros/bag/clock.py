@@ -376,15 +376,11 @@ def _reference(sources: Sequence[Times]) -> Times | None:
     """Return the source whose clock most others share, the first of several; /clock if there."""
     if not sources:
         return None
-    offsets = np.array([_offset_ns(one) for one in sources])
+    offsets = np.array([np.median(one.stamps_ns - one.log_ns) for one in sources])
     if sources[0].is_clock:
         return sources[0]
     company = np.abs(offsets[:, np.newaxis] - offsets) <= _TOPIC_APART_NS
     return sources[int(company.sum(axis=1).argmax())]
-
-
-def _offset_ns(source: Times) -> float:
-    return float(np.median(source.stamps_ns - source.log_ns))
 
 
 def _instants(source: Times, bag_start_ns: int) -> tuple[Ints, Ints, str]:

@@ -4,7 +4,7 @@ import heapq
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from operator import itemgetter
+from operator import attrgetter, itemgetter
 from pathlib import Path
 from struct import error as StructError  # noqa: N812
 from typing import Any, NamedTuple
@@ -338,7 +338,10 @@ class BagReader:
         streams = [
             self._stream(path, reader, topics, start_ns, stop_ns) for path, reader in self._readers
         ]
-        yield from heapq.merge(*streams, key=_log_time) if len(streams) > 1 else streams[0]
+        if len(streams) == 1:
+            yield from streams[0]
+        else:
+            yield from heapq.merge(*streams, key=attrgetter("log_time_ns"))
 
     def learn_types(self, topics: Collection[str]) -> None:
         """Parse the types of some topics now instead of at their first message.
@@ -432,10 +435,6 @@ def _in_order(messages: Iterator[BagMessage], window_ns: int) -> Iterator[BagMes
             yield heapq.heappop(waiting)[2]
     while waiting:
         yield heapq.heappop(waiting)[2]
-
-
-def _log_time(message: BagMessage) -> int:
-    return message.log_time_ns
 
 
 def _is_latched(connection: Any) -> bool:

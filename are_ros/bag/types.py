@@ -11,7 +11,6 @@ import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from are_ros.errors import InputError
-from are_ros.messages.common import MessageFactory
 
 # The texts of ARE's message definitions, from msg_defs/.
 
@@ -77,7 +76,7 @@ def new_typestore() -> Any:
 
 
 class RosbagsFactory:
-    """A `MessageFactory` of rosbags objects; a field left out is zero, empty or unturned."""
+    """Makes message objects of rosbags; a field left out is zero, empty or unturned."""
 
     def __init__(self, typestore: Any = None) -> None:
         self._store = jazzy_typestore() if typestore is None else typestore
@@ -106,23 +105,16 @@ class RosbagsFactory:
     def _maker_of(self, description: tuple[int, Any]) -> Callable[[], Any]:
         kind, detail = int(description[0]), description[1]
         if kind == _BASE:
-            return partial(_itself, _DEFAULTS.get(detail[0], 0))
+            return lambda: _DEFAULTS.get(detail[0], 0)
         if kind == _NAME:
             return partial(self.make, detail)
         (element_kind, element), count = detail
         count = count if kind == _ARRAY else 0
         if int(element_kind) == _BASE and element[0] != "string":
-            return partial(np.zeros, count, _dtype(element[0]))
+            name = {"octet": "uint8", "byte": "uint8", "char": "uint8"}.get(element[0], element[0])
+            return partial(np.zeros, count, np.dtype(name))
         element_maker = self._maker_of((int(element_kind), element))
         return lambda: [element_maker() for _ in range(count)]
-
-
-def _dtype(base: str) -> np.dtype[Any]:
-    return np.dtype({"octet": "uint8", "byte": "uint8", "char": "uint8"}.get(base, base))
-
-
-def _itself(value: Any) -> Any:
-    return value
 
 
 def ros2_type(type_name: str) -> str:
@@ -130,13 +122,17 @@ def ros2_type(type_name: str) -> str:
     return _RENAMED.get(type_name, type_name)
 
 
-def as_ros2(factory: MessageFactory, original: Any, type_name: str) -> bytes:
+@cache
+def _jazzy_factory() -> RosbagsFactory:
+    return RosbagsFactory()
+
+
+def as_ros2(original: Any, type_name: str) -> bytes:
     """Return a ROS 1 message object as the bytes of a ROS 2 type of Jazzy or of ours."""
-    message = converted(factory, original, type_name)
-    return bytes(jazzy_typestore().serialize_cdr(message, type_name))
+    return bytes(jazzy_typestore().serialize_cdr(converted(original, type_name), type_name))
 
 
-def converted(factory: MessageFactory, original: Any, type_name: str) -> Any:
+def converted(original: Any, type_name: str) -> Any:
     """Return a ROS 1 message object as the ROS 2 type of its name, field by field.
 
     Fields that ROS 2 lacks (Header.seq) are dropped, new fields have their defaults, and D, K, R, P
@@ -146,19 +142,19 @@ def converted(factory: MessageFactory, original: Any, type_name: str) -> Any:
     for name, description in jazzy_typestore().fielddefs[type_name][1]:
         source = name if hasattr(original, name) else name.upper()
         if hasattr(original, source):
-            fields[name] = _converted_field(factory, getattr(original, source), description)
-    return factory.make(type_name, **fields)
+            fields[name] = _converted_field(getattr(original, source), description)
+    return _jazzy_factory().make(type_name, **fields)
 
 
-def _converted_field(factory: MessageFactory, value: Any, description: Any) -> Any:
+def _converted_field(value: Any, description: Any) -> Any:
     kind, detail = int(description[0]), description[1]
     if kind == _BASE:
         return value
     if kind == _NAME:
-        return converted(factory, value, detail)
+        return converted(value, detail)
     element = detail[0]
     if int(element[0]) == _NAME:
-        return [converted(factory, one, element[1]) for one in value]
+        return [converted(one, element[1]) for one in value]
     return value
 
 

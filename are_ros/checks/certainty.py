@@ -123,10 +123,8 @@ def check_certainty(record: Record) -> CheckResult:
     chi-square together; so many behaviours are true as their probabilities say. False alarms and
     departed artefacts have no truth to compare with.
     """
-    tally, scenes = (
-        Tally("certainty", "sighting"),
-        {scene.stamp_ns: scene for scene in record.scenes},
-    )
+    tally = Tally("certainty", "sighting")
+    scenes = {scene.stamp_ns: scene for scene in record.scenes}
     poses, twists = _Squares("pose"), _Squares("velocity")
     behaviours, before = _FirstBehaviours(), frozenset[int]()
     for message in record.perceived:
@@ -135,7 +133,9 @@ def check_certainty(record: Record) -> CheckResult:
         for one in message.sightings:
             k = places.get(one.artefact_id)
             if scene is None or k is None:
-                _leave_out(tally, one.artefact_id)
+                is_false = one.artefact_id >= FIRST_FALSE_ALARM
+                what = "of a false alarm" if is_false else "of what is not there then"
+                tally.leave_out("sighting", what)
                 continue
             tally.look()
             where = f"{at_s(message.at_ns)} id {one.artefact_id}"
@@ -148,11 +148,6 @@ def check_certainty(record: Record) -> CheckResult:
     for judged in (poses, twists, behaviours):
         judged.judge(tally)
     return tally.result()
-
-
-def _leave_out(tally: Tally, number: int) -> None:
-    what = "of a false alarm" if number >= FIRST_FALSE_ALARM else "of what is not there then"
-    tally.leave_out("sighting", what)
 
 
 def _of_pose(one: Sighting, scene: Scene, k: int) -> _Deviation:

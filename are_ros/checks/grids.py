@@ -321,22 +321,16 @@ def first_difference(wanted: Cells, found: Cells) -> str:
 
 def check_grids(record: Record, messages: Iterator[GridMessage]) -> list[CheckResult]:
     """Follow the grids of a recording; the messages are in order of time."""
-    if record.parameters is None or not record.maps:
-        for _ in messages:  # reading them is a check of its own
-            pass
-        return _skipped_grids(record)
-    checks = _GridChecks(record.parameters, is_live=record.is_live)
-    checks.follow(record, record.parameters, messages)
-    return checks.results()
-
-
-def _skipped_grids(record: Record) -> list[CheckResult]:
-    """Return skipped results: the parameters or the real map are unknown."""
+    tallies = GridTallies()
+    if record.parameters is not None and record.maps:
+        _GridChecks(record.parameters, tallies, is_live=record.is_live).follow(record, messages)
+        return [tally.result() for tally in tallies.all()]
+    for _ in messages:  # reading them is a check of its own
+        pass
     reason, lacks_inputs = "there is no effective.yaml, which says what the grids show", False
     if record.parameters is not None:
         reason, lacks_inputs = record.why_no_map(), record.lacks_inputs
-    names = [tally.name for tally in GridTallies().all()]
-    return [skipped(name, reason, needs_inputs=lacks_inputs) for name in names]
+    return [skipped(tally.name, reason, needs_inputs=lacks_inputs) for tally in tallies.all()]
 
 
 class _MessageQueue:
@@ -358,15 +352,14 @@ class _MessageQueue:
 class _GridChecks:
     """The checks of the grids, with what was published last."""
 
-    def __init__(self, parameters: Parameters, *, is_live: bool) -> None:
-        self._is_live = is_live
-        self._tallies = GridTallies()
-        self._judge = GridJudge(parameters, self._tallies)
+    def __init__(self, parameters: Parameters, tallies: GridTallies, *, is_live: bool) -> None:
+        self._is_live, self._tallies, self._settings = is_live, tallies, parameters.costmap
+        self._judge = GridJudge(parameters, tallies)
         self._ages: dict[str, PublicationTiming | LatchedGrid] = {
             topic: LatchedGrid(topic, tally, parameters, self._judge)
             if is_live
             else PublicationTiming(topic, tally, parameters)
-            for topic, tally in self._tallies.ages.items()
+            for topic, tally in tallies.ages.items()
         }
         self._held: dict[str, RealMap | None] = {}
         """What a late subscriber gets, by topic."""
@@ -374,22 +367,16 @@ class _GridChecks:
         """The maps as updates made them, with the real map; None where one may be missing."""
         self._forget()
 
-    def follow(
-        self, record: Record, parameters: Parameters, messages: Iterator[GridMessage]
-    ) -> None:
+    def follow(self, record: Record, messages: Iterator[GridMessage]) -> None:
         """Follow the ticks."""
         pending, is_first = _MessageQueue(messages), True
-        for tick in admitted_by_tick(record, parameters.costmap):
+        for tick in admitted_by_tick(record, self._settings):
             self._take_others(record, pending.until(tick.scene.at_ns - 1))
             if record.runs.is_beginning(tick.scene.stamp_ns) and not is_first:
                 self._forget()
             is_first = False
             self._take_tick(record, tick, pending.until(tick.scene.at_ns))
         self._take_others(record, pending.until(None))
-
-    def results(self) -> list[CheckResult]:
-        """Return the outcomes."""
-        return [tally.result() for tally in self._tallies.all()]
 
     def _forget(self) -> None:
         """Begin anew after a gap."""
@@ -402,7 +389,10 @@ class _GridChecks:
         updates: dict[str, GridUpdate] = {}
         others: list[GridMessage] = []
         for topic, message in messages:
-            if not self._is_own(tick, message) or topic in own or topic in updates:
+            # In a replay a tick that knows a map gave it out, whatever it says.
+            is_stamped = message.stamp_ns == tick.scene.stamp_ns
+            is_own = is_stamped if self._is_live else tick.real is not None
+            if not is_own or topic in own or topic in updates:
                 others.append((topic, message))
             elif isinstance(message, Grid):
                 own[topic] = message
@@ -423,12 +413,6 @@ class _GridChecks:
         for topic, of_updates in UPDATES_OF.items():
             self._follow_updates(record, tick, topic, updates.get(of_updates), topic in own)
         self._take_others(record, others)
-
-    def _is_own(self, tick: AdmittedTick, message: Grid | GridUpdate) -> bool:
-        """Tell whether a tick gave this out: in a replay one that knows a map, whatever it says."""
-        if self._is_live:
-            return message.stamp_ns == tick.scene.stamp_ns
-        return tick.real is not None
 
     def _take_others(self, record: Record, messages: list[GridMessage]) -> None:
         """Judge grids without a tick: real maps, or grids of ticks that the recording missed."""

@@ -5,7 +5,6 @@ from math import isnan
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from are_ros.bag.decoded import ROBOT_CONTACT, Scene
 from are_ros.checks.oracle.frames import EVER
@@ -80,9 +79,11 @@ def check_clutter(record: Record) -> CheckResult:
             tally.leave_out("tick", "without a map" if real is None else "without metrics")
             continue
         if real is not last_real:
-            free = _free_count(real, record.parameters)
+            threshold = record.parameters.world.free_threshold
+            free = int(np.count_nonzero((real.cells >= 0) & (real.cells <= threshold)))
         if real is not last_real or not are_same(covers, last_covers):
-            least, most = _counts(covers, real)
+            cells = layer(covers, real)
+            least, most = int(np.count_nonzero(cells == SURE)), int(np.count_nonzero(cells))
         last_real, last_covers = real, covers
         found = ratios[scene.at_ns]
         if isnan(found) and real.since_ns == scene.stamp_ns:
@@ -96,17 +97,6 @@ def check_clutter(record: Record) -> CheckResult:
             wanted = f"{least / free:.9g}, {least} of {counted(free, 'free cell')}"
             tally.fail(f"{at_s(scene.stamp_ns)} it is {found:.9g}, not {wanted}")
     return tally.result()
-
-
-def _counts(covers: list[Cover], real: RealMap) -> tuple[int, int]:
-    """Return how many cells the boxes cover, and how many if touching counts."""
-    cells = layer(covers, real)
-    return int(np.count_nonzero(cells == SURE)), int(np.count_nonzero(cells))
-
-
-def _free_count(real: RealMap, parameters: Parameters) -> int:
-    is_free = (real.cells >= 0) & (real.cells <= parameters.world.free_threshold)
-    return int(np.count_nonzero(is_free))
 
 
 def check_neighbours(record: Record) -> CheckResult:
@@ -148,7 +138,8 @@ def check_robot(record: Record) -> CheckResult:
         if not poses:
             tally.leave_out("tick", "without the robot's pose")
             continue
-        least, most = _depths_m(outline, poses, scene)
+        depths_m = np.array([outline.depths_m(*pose, scene) for pose in poses])
+        least, most = depths_m.min(axis=0), depths_m.max(axis=0)
         touched = {int(number) for number in scene.ids[most > -_SLACK_M]}
         if record.runs.is_fresh(scene.stamp_ns):
             reported |= touched  # it may have been reported before the recording began
@@ -159,14 +150,6 @@ def check_robot(record: Record) -> CheckResult:
                 tally.fail(f"{at_s(scene.stamp_ns)} {text}")
         reported &= touched
     return tally.result()
-
-
-def _depths_m(
-    outline: Outline, poses: list[Pose], scene: Scene
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return how deep each box (N,) is in the robot, at least and at most."""
-    depths = np.array([outline.depths_m(*pose, scene) for pose in poses])
-    return depths.min(axis=0), depths.max(axis=0)
 
 
 def _robot_at(record: Record, parameters: Parameters, base: str, stamp_ns: int) -> list[Pose]:

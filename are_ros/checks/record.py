@@ -192,14 +192,10 @@ class Record:
             return age_ns >= 0
         return latency_ns <= age_ns < latency_ns + self.period_ns
 
-    def has_inputs(self) -> bool:
-        """Tell whether inputs were copied beside the outputs."""
-        return any(not topic.startswith(PREFIX) for topic in self.topics)
-
     @property
     def lacks_inputs(self) -> bool:
-        """Whether it is of a replay that did not copy them: another one could."""
-        return not (self.is_live or self.has_inputs())
+        """Whether it is of a replay that did not copy the inputs: another one could."""
+        return not self.is_live and all(topic.startswith(PREFIX) for topic in self.topics)
 
     def base_frame(self) -> str:
         """Return the robot's base: the one configured, else the usual one that there is."""
@@ -236,7 +232,9 @@ class Record:
         elif kind is Grid:
             self.maps_by_topic.setdefault(topic, []).append(real_map(value))
         elif kind is ImageFormat:
-            self._take_info(topic, value)
+            self.scans.add_info(topic, value.message)
+            if not is_output and topic not in self.infos_of_depths:
+                self.images.append(value)
         elif kind is Scan:
             self.scans.add(topic, value)
         elif kind is Transforms:
@@ -276,12 +274,6 @@ class Record:
             is_last = is_last and (is_again or message.at_ns not in ticks)
             (self.farewell_messages if is_last else kept).append(message)
         return kept
-
-    def _take_info(self, topic: str, info: ImageFormat) -> None:
-        """Take a CameraInfo: of the robot's camera, of images of depths, or of both."""
-        self.scans.add_info(topic, info.message)
-        if not topic.startswith(PREFIX) and topic not in self.infos_of_depths:
-            self.images.append(info)
 
     def _take_plain(self, message: RecordedMessage, value: Any) -> None:
         """Take a cloud or an image, which come as rosbags' objects."""
@@ -447,8 +439,11 @@ class Reading:
             with self._faults_of(message):
                 if message.topic == MARKERS:
                     self._take_markers(message)
-                else:
-                    self._take(message, self._recording.decode(message))
+                    continue
+                value = self._recording.decode(message)
+                if message.topic == ARTEFACTS and self.record.is_live:
+                    self.record.lags_ns.append(message.log_ns - message.at_ns)
+                self.record.take(message, value)
         if self.record.is_live:
             self.record.settle()
 
@@ -470,11 +465,6 @@ class Reading:
         with self._faults():
             if self.is_open:
                 yield from self._recording.messages(topics)
-
-    def _take(self, message: RecordedMessage, value: Any) -> None:
-        if message.topic == ARTEFACTS and self.record.is_live:
-            self.record.lags_ns.append(message.log_ns - message.at_ns)
-        self.record.take(message, value)
 
     def _take_markers(self, message: RecordedMessage) -> None:
         """Keep what markers do; rosbags has to read them, too."""
@@ -512,14 +502,9 @@ class Reading:
             if not message.topic.startswith(PREFIX):
                 self.tally.leave_out("message", "of the inputs that cannot be read")
                 return
-            self._fail(message, error)
-
-    def _fail(self, message: RecordedMessage, error: Exception) -> None:
-        """Count a malformed output."""
-        if isinstance(error, InputError):
-            cause = error.__cause__
-            what = sentence_of(cause) if isinstance(cause, Exception) else str(error)
-            logged = "" if self._files.is_replay else "logged "
-            self.tally.fail(f"{message.topic} {logged}{at_s(message.log_ns)}: {what}")
-        else:
-            self.tally.fail(f"{message.topic} {at_s(message.at_ns)}: {error}")
+            when, what = at_s(message.at_ns), str(error)
+            if isinstance(error, InputError):
+                when = ("" if self._files.is_replay else "logged ") + at_s(message.log_ns)
+                cause = error.__cause__
+                what = sentence_of(cause) if isinstance(cause, Exception) else what
+            self.tally.fail(f"{message.topic} {when}: {what}")

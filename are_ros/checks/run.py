@@ -7,10 +7,7 @@ geometry, inflation, transforms and the decoding of markers are plain second imp
 from pathlib import Path
 from typing import Final
 
-from are_ros.bag.recording import (
-    PREFIX,
-    find_recording,
-)
+from are_ros.bag.recording import PREFIX, find_recording
 from are_ros.checks.certainty import check_certainty, check_predicted
 from are_ros.checks.file import check_files
 from are_ros.checks.grids import check_grids
@@ -23,12 +20,7 @@ from are_ros.checks.sensors.octomap import check_octomap
 from are_ros.checks.sensors.painted import check_boxes, check_images
 from are_ros.checks.sensors.scans import check_depths, check_scans
 from are_ros.checks.sightings import check_perceived, check_sight_events
-from are_ros.checks.ticks import (
-    check_farewells,
-    check_lives,
-    check_metrics,
-    check_ticks,
-)
+from are_ros.checks.ticks import check_farewells, check_lives, check_metrics, check_ticks
 from are_ros.errors import BagError
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
@@ -66,7 +58,8 @@ def check_recording(
     MapError or ParameterError for a bad map file or parameters.
     """
     files = find_recording(path)
-    parameters = _read_parameters(parameters_file or files.parameters)
+    effective = parameters_file or files.parameters
+    parameters = None if effective is None else with_file(Parameters(), effective)
     is_live = not files.is_replay
     results = check_files(files.files, is_live=is_live)
     with Reading(files, parameters) as reading:
@@ -74,7 +67,10 @@ def check_recording(
             raise BagError(f"{files.path}: it holds no topic of the node, none begins {PREFIX}")
         reading.read_all_but_grids()
         record = reading.record
-        record.choose_maps(_read_map(map_file, record.world_frame))
+        given = None
+        if map_file is not None:
+            given = RealMap.of_grid(read_map_file(map_file, record.world_frame))
+        record.choose_maps(given)
         checks = (*_SCENE_CHECKS, check_farewells) if is_live else _SCENE_CHECKS
         if parameters is not None and parameters.certainty.enabled:
             checks = (*checks, check_certainty, check_predicted)
@@ -89,12 +85,3 @@ def check_recording(
     ):
         results += [check(record)] if is_there else []
     return (results[0], reading.tally.result(), *results[1:])
-
-
-def _read_map(path: Path | None, frame_id: str) -> RealMap | None:
-    return None if path is None else RealMap.of_grid(read_map_file(path, frame_id))
-
-
-def _read_parameters(path: Path | None) -> Parameters | None:
-    """Return the effective parameters, None where they were not kept."""
-    return None if path is None else with_file(Parameters(), path)

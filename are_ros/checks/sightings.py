@@ -105,7 +105,7 @@ def _image_sizes(record: Record, at_ns: int, cameras: Sequence[str]) -> list[tup
         known = [(image.width, image.height) for image in record.images if image.at_ns < at_ns]
         # What is held since the look before may be in the image of the info before.
         return known[-2:] or [(camera.width, camera.height)]
-    return [(camera.width, camera.height)] if record.has_inputs() else []
+    return [] if record.lacks_inputs else [(camera.width, camera.height)]
 
 
 def _roi_fault(roi: tuple[int, int, int, int], sizes: list[tuple[int, int]]) -> str:

@@ -361,6 +361,7 @@ def decision_lines(
     effort = listed([f"{price:.3g}" for price in model.effort])
     turns = f"{model.quarter_turn:.3g} for a quarter turn, {model.half_turn:.3g} for a half"
     walls = f"{model.clearance:.3g} beside walls"
+    runs = [f"{percent(one.running_share)} at {one.left_s:g} s" for one in journey.horizons]
     return [
         ("reach", f"{reaches} cells of {coarse.cell_size_m:g} m in an epoch ({speeds})"),
         ("epoch", f"{settings.decision_period:g} s, horizon {journey.horizons[-1].left_s:g} s"),
@@ -369,14 +370,9 @@ def decision_lines(
         ("goal", f"worth {model.goal:.3g}; late: {model.late:g} times the rest of the way"),
         ("policy", f"temperature {settings.temperature:g}, persistence {settings.persistence:g} s"),
         ("slip", slip if row.slip is None else f"{slip}, of the row"),
-        *([("runs", _running_text(journey))] if len(model.reaches) > 1 else []),
+        *([("runs", f"best on {', '.join(runs)}")] if len(model.reaches) > 1 else []),
         *_share_rows(lives),
     ]
-
-
-def _running_text(journey: JourneyValues) -> str:
-    parts = [f"{percent(one.running_share)} at {one.left_s:g} s" for one in journey.horizons]
-    return "best on " + ", ".join(parts)
 
 
 def _share_rows(lives: Lives) -> list[tuple[str, str]]:

@@ -163,13 +163,16 @@ def shown_stamps(record: SceneRecord) -> tuple[list[int], float]:
 
 def _gif(frames: "Frames", stamps: Sequence[int], progress: Progress) -> bytes:
     """Return the GIF of the frames at the stamps; it repeats for ever."""
+    from PIL import Image as Pil
+
     samples = np.unique(np.linspace(0, len(stamps) - 1, _SAMPLES).astype(np.int64))
     palette = _palette([frames.picture(stamps[i]) for i in samples.tolist()])
     frames.forget()
 
     def pictures() -> Iterator[Any]:
         for stamp_ns in stamps:
-            yield _quantized(frames.picture(stamp_ns), palette)
+            picture = Pil.fromarray(frames.picture(stamp_ns))
+            yield picture.quantize(palette=palette, dither=Pil.Dither.NONE)
             progress(stamp_ns)
 
     rest, file = pictures(), io.BytesIO()
@@ -197,12 +200,6 @@ def _palette(pictures: Sequence[Image]) -> Any:
     pixels = np.repeat(colours, np.ceil(counts**_RARE_WEIGHT).astype(np.int64), axis=0)
     image = Pil.fromarray(np.ascontiguousarray(pixels[np.newaxis]))
     return image.quantize(_COLOURS, method=Pil.Quantize.MEDIANCUT, kmeans=1)
-
-
-def _quantized(picture: Image, palette: Any) -> Any:
-    from PIL import Image as Pil
-
-    return Pil.fromarray(picture).quantize(palette=palette, dither=Pil.Dither.NONE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -387,7 +384,8 @@ class Frames:
         """Write a tag or a label for each artefact: its id, and what it does or what is new."""
         boxes = {actor.number: bounds_of(actor.outline.corners_px) for actor in actors}
         by_number = {actor.number: actor for actor in actors}
-        tags = self._tags.place(_tags_of(actors, boxes), [*boxes.values()], taken)
+        news = [Label(a.number, boxes[a.number], (a.news.text,)) for a in actors if a.news]
+        tags = self._tags.place(news, [*boxes.values()], taken)
         tagged = {placed.label.key for placed in tags}
         labels = [one for one in _labels_of(actors, boxes) if one.key not in tagged]
         taken = [*taken, *(_padded(placed.place) for placed in tags)]
@@ -460,15 +458,6 @@ def _is_long_wait(life: Life, index: int) -> bool:
     end_ns = after[0].since_ns if after else life.departure_ns
     is_long = end_ns is None or end_ns - doing.since_ns >= _LONG_WAIT_NS
     return is_long and doing.activity.startswith(_WAITS)
-
-
-def _tags_of(actors: Sequence[_Actor], boxes: Mapping[int, Rectangle]) -> list[Label]:
-    """Return a tag for each artefact that has news."""
-    return [
-        Label(actor.number, boxes[actor.number], (actor.news.text,))
-        for actor in actors
-        if actor.news is not None
-    ]
 
 
 def _labels_of(actors: Sequence[_Actor], boxes: Mapping[int, Rectangle]) -> list[Label]:

@@ -95,13 +95,10 @@ def behaviour_of(life: Life) -> str:
 class Path:
     """Where an artefact went: points (N, 2) [m], which steps (N - 1,) were seen, which jumps."""
 
-    artefact_id: int
-    class_name: str
-    behaviour: str
+    life: Life
     points_m: Floats
     is_seen: npt.NDArray[np.bool_]
     is_jump: npt.NDArray[np.bool_]
-    is_perceived: bool
 
     @property
     def length_m(self) -> float:
@@ -120,13 +117,10 @@ def path_of(life: Life, moved_ns: Sequence[int]) -> Path:
     kept = np.unique((*range(0, count, every), count - 1, *about_jumps)).astype(np.int64)
     at = np.searchsorted(life.seen_ns, stamps[kept])
     return Path(
-        life.artefact_id,
-        life.row.class_name,
-        behaviour_of(life),
+        life,
         poses[kept, :2],
         np.searchsorted(life.seen_ns, stamps[kept[1:]], side="right") > at[:-1],
         np.isin(kept[1:], np.array(jumps, dtype=np.int64)),
-        life.is_perceived,
     )
 
 
@@ -152,27 +146,24 @@ def draw_paths(
     beginning tells the behaviour.
     """
     thin = min(1.0, math.sqrt(_CROWD / max(len(paths), 1)))
-    order = sorted(paths, key=lambda path: path.is_perceived)
-    for path in order:
-        colour = shade_of(colours[path.class_name], path.artefact_id)
+    order = sorted(paths, key=lambda path: path.life.is_perceived)
+    shades = [shade_of(colours[path.life.row.class_name], path.life.artefact_id) for path in order]
+    for path, colour in zip(order, shades, strict=True):
         if path.length_m > _MOVED_M or path.is_jump.any():
             _draw_line(canvas, view, path, colour, thin)
-    for path in order:
-        colour = shade_of(colours[path.class_name], path.artefact_id)
-        place, mark = view.pixels(path.points_m[0]), marks.get(path.behaviour, "disc")
-        alpha = 1.0 if path.is_perceived else 0.75
+    for path, colour in zip(order, shades, strict=True):
+        place = view.pixels(path.points_m[0])
+        mark = marks.get(behaviour_of(path.life), "disc")
+        alpha = 1.0 if path.life.is_perceived else 0.75
         canvas.mark(mark, place, BEHAVIOUR_PX, WHITE, colour, 1.5, alpha)
-
-
-def _fade_of(path: Path) -> tuple[float, float]:
-    return _FADE if path.is_perceived else _PALE_FADE
 
 
 def _draw_line(canvas: Canvas, view: View, path: Path, colour: Rgb, thin: float) -> None:
     points = view.pixels(path.points_m)
     widths = thin * np.where(path.is_seen, SEEN_PATH_PX, PATH_PX)
     widths[path.is_jump] = 0.0
-    canvas.fading(points, colour, widths, np.linspace(*_fade_of(path), len(widths)))
+    fade = _FADE if path.life.is_perceived else _PALE_FADE
+    canvas.fading(points, colour, widths, np.linspace(*fade, len(widths)))
     for i in np.flatnonzero(path.is_jump).tolist():
         start, end = points[i], points[i + 1]
         canvas.dashes(start, end, colour, 1.4, 0.7, JUMP_PATTERN_PX)

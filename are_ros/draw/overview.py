@@ -96,11 +96,13 @@ def draw_overview(
     part = known_part(grid)
     shown_cells = part if voxels is None else with_furniture(grid, part, voxels)
     end_ns = int(record.series.stamps_ns[-1]) if len(record.series.stamps_ns) else 0
-    standing = _in_drawing_order(record.lives, end_ns)
+    # On top are those still there, and those perceived.
+    standing = [life for life in record.lives if len(life.footprints)]
+    standing.sort(key=lambda life: (not is_gone(life, end_ns), life.is_perceived))
     moved = displacements(record.events)
     paths = [path_of(life, moved.get(life.artefact_id, ())) for life in standing]
     colours = class_colours([life.row.class_name for life in record.lives])
-    marks = behaviour_marks([path.behaviour for path in paths])
+    marks = behaviour_marks([behaviour_of(life) for life in standing])
     window = window_of(grid, part, _extent_m(record, standing))
     sheet = Sheet.of(window, _legends(record, colours, marks, end_ns))
     canvas, view = sheet.canvas, sheet.view
@@ -116,12 +118,6 @@ def draw_overview(
     duration_s = record.duration_ns / NS_PER_S if len(record.robot) else None
     subtitle = subtitle_of(record, len(labels) - len(placed), ids_as_in)
     sheet.write(path, _title(record), subtitle, duration_s)
-
-
-def _in_drawing_order(lives: Sequence[Life], end_ns: int) -> list[Life]:
-    """Return the artefacts that have a pose; on top are those still there, and those perceived."""
-    known = [life for life in lives if len(life.footprints)]
-    return sorted(known, key=lambda life: (not is_gone(life, end_ns), life.is_perceived))
 
 
 def _extent_m(record: SceneRecord, lives: Sequence[Life]) -> Floats:
@@ -290,7 +286,8 @@ def draw_alignment(
     """
     part = known_part(grid)
     rivals = [*zip(placed[1:], _RIVALS, strict=False)]
-    window = window_of(grid, part, np.concatenate((np.empty((0, 2)), *_paths(placed))))
+    places = [np.empty((0, 2)), *(scans.places_m for scans in placed)]
+    window = window_of(grid, part, np.concatenate(places))
     sheet = Sheet.of(window, [_legend(placed, rivals, near_m)])
     canvas, view = sheet.canvas, sheet.view
     draw_map(canvas, view, grid, part)
@@ -305,10 +302,6 @@ def draw_alignment(
         canvas.line(points, ROBOT, 2.0)
         canvas.mark("disc", points[0], 8.0, ROBOT, ROBOT)
     sheet.write(path, title, [subtitle])
-
-
-def _paths(placed: Sequence[PlacedScans]) -> list[Floats]:
-    return [scans.places_m for scans in placed]
 
 
 def _draw_dots(canvas: Canvas, view: View, points_m: Floats, colour: Rgb) -> None:

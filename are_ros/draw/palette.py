@@ -3,12 +3,14 @@
 import colorsys
 from collections.abc import Mapping, Sequence
 from functools import cache
-from typing import Any, Final
+from itertools import cycle
+from typing import Any, Final, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
+T = TypeVar("T")
 Rgb = tuple[int, int, int]
 """Red, green and blue from 0 to 255."""
 
@@ -130,11 +132,14 @@ def hex_of(colour: Rgb) -> str:
     return "#{:02x}{:02x}{:02x}".format(*colour)
 
 
+def _completed(known: Mapping[str, T], further: Sequence[T], names: Sequence[str]) -> dict[str, T]:
+    """Return what is known, and for the other names in their order what is further, in turn."""
+    return {**known, **dict(zip(sorted(set(names) - set(known)), cycle(further), strict=False))}
+
+
 def class_colours(names: Sequence[str]) -> dict[str, Rgb]:
     """Return a colour for each class; the classes of the shipped catalogue keep their own."""
-    others = sorted(set(names) - set(_CLASSES))
-    further = {name: _FURTHER_CLASSES[i % len(_FURTHER_CLASSES)] for i, name in enumerate(others)}
-    return {**_CLASSES, **further}
+    return _completed(_CLASSES, _FURTHER_CLASSES, names)
 
 
 def shade_of(colour: Rgb, artefact_id: int) -> Rgb:
@@ -154,18 +159,12 @@ def time_colour(fraction: float) -> Rgb:
 
 def behaviour_marks(names: Sequence[str]) -> dict[str, str]:
     """Return the mark of each behaviour, a name for `mark_outline`; a user's own by their names."""
-    own = sorted(set(names) - set(_BEHAVIOURS))
-    further = {
-        name: _FURTHER_BEHAVIOURS[i % len(_FURTHER_BEHAVIOURS)] for i, name in enumerate(own)
-    }
-    return {**_BEHAVIOURS, **further}
+    return _completed(_BEHAVIOURS, _FURTHER_BEHAVIOURS, names)
 
 
 def behaviour_colours(names: Sequence[str]) -> dict[str, Rgb]:
     """Return a colour for each behaviour; a user's own by their names."""
-    own = sorted(set(names) - set(_BEHAVIOUR_COLOURS))
-    further = {name: _FURTHER_CLASSES[i % len(_FURTHER_CLASSES)] for i, name in enumerate(own)}
-    return {**_BEHAVIOUR_COLOURS, **further}
+    return _completed(_BEHAVIOUR_COLOURS, _FURTHER_CLASSES, names)
 
 
 @cache

@@ -157,13 +157,9 @@ def _draw_classes(axes: Any, catalogue: Catalogue) -> None:
         colour = hex_of(colours[name])
         axes.axvspan(left, right, color=colour, alpha=0.07, lw=0, zorder=0)
         if right - left >= _NAMED_SHARE * len(catalogue.rows):
-            _name_block(axes, 0.5 * (left + right), name, colour)
-
-
-def _name_block(axes: Any, middle: float, name: str, colour: str) -> None:
-    place = axes.get_xaxis_transform()
-    style = {"color": colour, "size": 8, "ha": "center", "va": "bottom", "transform": place}
-    axes.text(middle, 1.01, name, **style)
+            place = axes.get_xaxis_transform()
+            style = {"color": colour, "size": 8, "ha": "center", "va": "bottom", "transform": place}
+            axes.text(0.5 * (left + right), 1.01, name, **style)
 
 
 def _draw_climb(axes: Any, chosen: MixtureFit) -> None:
@@ -497,18 +493,13 @@ def _draw_arrivals(axes: Any, trial: Trial, site: Site, end_s: float, colours: A
     look = {"s": 26, "edgecolors": "white", "linewidths": 0.6}
     points = trial.points_m[early].T
     axes.scatter(*points, c=colours(trial.placed_s[early] / end_s), zorder=3, **look)
-    name_axes(axes, "arrivals in space", _caption(trial))
+    whose = "the first arrival of each group" if trial.chain.is_grouped else "all arrivals"
+    count = f"[m]   {counted(len(trial.points_m), 'place')}, of {whose}"
+    name_axes(axes, "arrivals in space", f"{count}; in colour: in the time shown")
     axes.spines[:].set(visible=True, color=EDGE_HEX)
     unit_s, name = time_unit(end_s)
     bar = axes.inset_axes((1.015, 0.0, 0.02, 1.0))
     draw_colour_bar(bar, colours, (0.0, end_s / unit_s), f"[{name}]")
-
-
-def _caption(trial: Trial) -> str:
-    """Return how many appeared, and what can be said of where."""
-    whose = "the first arrival of each group" if trial.chain.is_grouped else "all arrivals"
-    count = f"[m]   {counted(len(trial.points_m), 'place')}, of {whose}"
-    return f"{count}; in colour: in the time shown"
 
 
 def _map_image(survey: Survey, window: Window) -> npt.NDArray[np.uint8]:

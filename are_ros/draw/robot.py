@@ -110,7 +110,8 @@ def _fan(
     hiding = [life for life in record.lives if _may_hide(life, stamp_ns, float(here_m[2]))]
     reach_m = np.minimum(reach_m, _far_sides(hiding, stamp_ns, here_m[:2], rays))
     outline = here_m[:2] + rays * reach_m[:, np.newaxis]
-    is_closed = _spread_rad(rays) > _ALL_AROUND_RAD
+    azimuths = np.unwrap(np.arctan2(rays[:, 1], rays[:, 0]))
+    is_closed = abs(azimuths[-1] - azimuths[0]) > _ALL_AROUND_RAD
     return Fan(stamp_ns, outline if is_closed else np.vstack((here_m[:2], outline)))
 
 
@@ -140,12 +141,6 @@ def _middles(travelled: Floats, count: int) -> Floats:
     count = max(1, min(count, int(travelled[-1] / _SHORTEST_PART_M) + 1))
     middles: Floats = (np.arange(count) + 0.5) / count * travelled[-1]
     return middles
-
-
-def _spread_rad(rays: Floats) -> float:
-    """Return the angle that unit rays, in their order, cover."""
-    azimuths = np.unwrap(np.arctan2(rays[:, 1], rays[:, 0]))
-    return float(abs(azimuths[-1] - azimuths[0]))
 
 
 def _may_hide(life: Life, stamp_ns: int, camera_height_m: float) -> bool:
@@ -231,7 +226,8 @@ def draw_robot_path(canvas: Canvas, view: View, track: Track, fractions: Floats)
             canvas.line(points[drives == drive], WHITE, 7.0)
     steps = np.where(np.diff(drives) == 0, np.rint(fractions[some][1:] * _TIME_STEPS), -1.0)
     for step in np.unique(steps[steps >= 0.0]).tolist():
-        for run in np.split(np.flatnonzero(steps == step), _breaks(steps == step)):
+        chosen = np.flatnonzero(steps == step)
+        for run in np.split(chosen, np.flatnonzero(np.diff(chosen) > 1) + 1):
             canvas.line(points[run[0] : run[-1] + 2], time_colour(step / _TIME_STEPS), 3.7)
 
 
@@ -244,8 +240,3 @@ def time_fractions(record: SceneRecord, stamps_ns: npt.ArrayLike) -> Floats:
         record.duration_ns, shortest_ns
     )
     return fractions
-
-
-def _breaks(chosen: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
-    """Return where the chosen indices are no neighbours."""
-    return np.flatnonzero(np.diff(np.flatnonzero(chosen)) > 1) + 1

@@ -145,27 +145,14 @@ class Doing(NamedTuple):
     activity: str = ""
 
 
-def _never() -> npt.NDArray[np.int64]:
-    return np.zeros(0, dtype=np.int64)
-
-
-def _no_numbers() -> Floats:
-    return np.zeros(0)
-
-
-def _nowhere() -> Track:
-    return Track(np.zeros(0, dtype=np.int64), np.zeros((0, 7)))
-
-
 @dataclass(frozen=True, eq=False)
 class Life:
     """One artefact from its arrival to its departure (None: none within the record).
 
     `footprints` is a track of the box's centre, (x, y, yaw), one pose per change; it is empty for
     a life between two ticks. `heights_m` are those of the ground below, one for each of these
-    poses. `left_by` is the cause of the departure. `seen_ticks` counts the
-    ticks that perceived it, of which `first_seen_ns` and `last_seen_ns` are the ends, and `seen_ns`
-    int64 (seen_ticks,) the stamps. `doings` has one entry per change, the first from its arrival.
+    poses. `left_by` is the cause of the departure. `seen_ns` int64 (M,) are the stamps of the ticks
+    that perceived it. `doings` has one entry per change, the first from its arrival.
     """
 
     artefact_id: int
@@ -174,17 +161,14 @@ class Life:
     departure_ns: int | None
     left_by: str
     footprints: Track
-    seen_ticks: int
-    first_seen_ns: int | None
-    last_seen_ns: int | None
-    seen_ns: npt.NDArray[np.int64] = field(default_factory=_never)
+    seen_ns: Stamps
     doings: tuple[Doing, ...] = ()
-    heights_m: Floats = field(default_factory=_no_numbers)
+    heights_m: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
     def is_perceived(self) -> bool:
         """Whether it was ever perceived."""
-        return self.seen_ticks > 0
+        return len(self.seen_ns) > 0
 
     def is_present_at(self, t_ns: int) -> bool:
         """Say whether `t_ns` lies in [arrival, departure)."""
@@ -265,7 +249,7 @@ class SceneRecord:
     events: tuple[ArtefactEvent, ...]
     series: TickSeries
     metrics: SceneMetrics | None
-    base: Track = field(default_factory=_nowhere)
+    base: Track = field(default_factory=lambda: Track(np.zeros(0, np.int64), np.zeros((0, 7))))
     scans: Mapping[int, Sequence[ScanPoints]] = field(default_factory=dict)
     others: Mapping[int, Sequence[CameraAt]] = field(default_factory=dict)
 

@@ -160,7 +160,8 @@ def write_view(path: Path, place: ViewedPlace, record: SceneRecord, title: str) 
         notes += scene.notes
         aim_camera(server, place, shown)
         scene.draw_ways(shown)
-        every = max(1, -(-sum(map(_count_of_returns, shown)) // _MOST_RETURNS))
+        returns = sum(len(scan.points_m) for tick in shown for scan in tick.scans)
+        every = max(1, -(-returns // _MOST_RETURNS))
         with server.atomic():  # no browser is connected: sending is put off
             for number, (tick, length_s) in enumerate(zip(shown, _lengths_s(shown), strict=True)):
                 scene.show(tick, with_scans=number % every == 0)
@@ -233,7 +234,10 @@ class ViewedScene:
         for gone in self._artefacts.keys() - there:
             self._artefacts.pop(gone).remove()
         for one in tick.artefacts:
-            self._show_artefact(one, is_perceived=one.artefact_id in tick.perceived)
+            if one.artefact_id not in self._artefacts:
+                self._artefacts[one.artefact_id] = self._new_artefact(one)
+            is_perceived = one.artefact_id in tick.perceived
+            self._artefacts[one.artefact_id].show(one, is_perceived=is_perceived)
         if with_scans:
             self._show_scans(tick.scans)
 
@@ -416,12 +420,6 @@ class ViewedScene:
             )
         self._fans[number].handle.vertices = vertices
         self._fans[number].set(visible=True)
-
-    def _show_artefact(self, one: ArtefactAt, *, is_perceived: bool) -> None:
-        drawn = self._artefacts.get(one.artefact_id)
-        if drawn is None:
-            drawn = self._artefacts[one.artefact_id] = self._new_artefact(one)
-        drawn.show(one, is_perceived=is_perceived)
 
     def _new_artefact(self, one: ArtefactAt) -> "_Drawn":
         vertices, faces = self._bodies.mesh(one.row)
@@ -613,10 +611,6 @@ def _lengths_s(ticks: Sequence[Moment]) -> list[float]:
     longest = max(_GAP_S, 3.0 * usual)
     lengths = np.where((steps > 0.0) & (steps < longest), steps, usual)
     return [*lengths.tolist(), usual]
-
-
-def _count_of_returns(tick: Moment) -> int:
-    return sum(len(scan.points_m) for scan in tick.scans)
 
 
 def _stage_of(place: ViewedPlace, ticks: Sequence[Moment], margin_m: float) -> tuple[Floats, float]:

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.bag.recording import PREFIX
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError, InputError
-from are_ros.export.truth import OpenProgress, TruthReader
+from are_ros.export.truth import OpenProgress, TruthReader, chosen_topic
 from are_ros.messages.images.colour import read_colour
 from are_ros.messages.images.image import read_image
 from are_ros.wording import counted, why_refused
@@ -100,7 +99,9 @@ def export_coco(recording: Path, folder: Path, image: str, open_progress: OpenPr
     `image` names the painted image's topic, empty where there is one only. Raises BagError.
     """
     reader = TruthReader(recording)
-    topic = _chosen(reader, recording, image)
+    known = [topic.removesuffix(_MASK) for topic in reader.outputs() if topic.endswith(_MASK)]
+    without = f"{recording} has no mask of an image (sensors.masks: true)"
+    topic = chosen_topic(known, image, "--coco", "--image", without)
     images: dict[int, npt.NDArray[np.uint8]] = {}
     damaged: list[str] = []
     try:
@@ -140,19 +141,3 @@ def _summary(images: int, annotations: int) -> str:
     """Return how much was written; closes the bracket."""
     found = f"{counted(images, 'image')}, {counted(annotations, 'annotation')})"
     return found if annotations or not images else f"{found}; no artefact is in view in any image"
-
-
-def _chosen(reader: TruthReader, recording: Path, image: str) -> str:
-    """Return the topic of the painted image; BagError if it has no mask or is not the only one."""
-    known = sorted(
-        topic.removesuffix(_MASK)
-        for topic in reader.types
-        if topic.startswith(PREFIX) and topic.endswith(_MASK)
-    )
-    wanted = [topic for topic in known if image.strip("/") in {topic.strip("/"), ""}]
-    if len(wanted) == 1:
-        return wanted[0]
-    if not known:
-        raise BagError(f"--coco: {recording} has no mask of an image (sensors.masks: true)")
-    reason = f"it has no mask of {image}" if image else "it has masks of several images"
-    raise BagError(f"--coco: {reason}; choose one with --image: {', '.join(known)}")

@@ -13,7 +13,7 @@ from are_ros.bag.decoded import Sighting
 from are_ros.bag.recording import PREFIX
 from are_ros.builder.sensors.point_cloud import PointCloud
 from are_ros.errors import BagError, FrameError, InputError
-from are_ros.export.truth import Interval, OpenProgress, TruthReader
+from are_ros.export.truth import Interval, OpenProgress, TruthReader, chosen_topic
 from are_ros.messages.sensors import read_cloud
 from are_ros.wording import counted, why_refused
 from are_ros.world.cameras import Camera, PinholeView
@@ -84,7 +84,9 @@ def export_kitti(recording: Path, folder: Path, cloud: str, open_progress: OpenP
     the perceived artefacts, where they truly were at the stamp of the cloud. Raises BagError.
     """
     reader = TruthReader(recording)
-    topic = _chosen(reader, recording, cloud)
+    known = [topic for topic in reader.outputs(_CLOUD) if topic != PREFIX + "augmented_octomap"]
+    without = f"{recording} has no augmented cloud (sensors.clouds)"
+    topic = chosen_topic(known, cloud, "--kitti", "--cloud", without)
     waiting: deque[tuple[PointCloud, RigidTransform, RigidTransform, Camera]] = deque()
     left_out: Counter[str] = Counter()
 
@@ -116,23 +118,6 @@ def export_kitti(recording: Path, folder: Path, cloud: str, open_progress: OpenP
     reasons = [f"{count} left out, {why}" for why, count in left_out.items() if count]
     words = (counted(writer.frames, "cloud"), counted(writer.boxes, "labelled box"))
     return f"kitti: {folder} ({'; '.join((', '.join(words), *reasons))})"
-
-
-def _chosen(reader: TruthReader, recording: Path, cloud: str) -> str:
-    """Return the topic of the augmented cloud."""
-    octomap = PREFIX + "augmented_octomap"
-    known = sorted(
-        topic
-        for topic, type_name in reader.types.items()
-        if type_name == _CLOUD and topic.startswith(PREFIX) and topic != octomap
-    )
-    wanted = [topic for topic in known if cloud.strip("/") in {topic.strip("/"), ""}]
-    if len(wanted) == 1:
-        return wanted[0]
-    if not known:
-        raise BagError(f"--kitti: {recording} has no augmented cloud (sensors.clouds)")
-    reason = f"it has no {cloud}" if cloud else "it has several"
-    raise BagError(f"--kitti: {reason}; choose one with --cloud: {', '.join(known)}")
 
 
 def _placed(

@@ -1,7 +1,7 @@
 """The ground truth of a recording in its order: ticks with their artefacts, sightings and poses."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -61,6 +61,20 @@ class Interval:
         return found
 
 
+def chosen_topic(known: Sequence[str], name: str, data_set: str, option: str, without: str) -> str:
+    """Return the known topic of this name, the only one if it is empty, or raise BagError.
+
+    `without` is the reason where none is known.
+    """
+    if not known:
+        raise BagError(f"{data_set}: {without}")
+    wanted = [topic for topic in known if name.strip("/") in {topic.strip("/"), ""}]
+    if len(wanted) != 1:
+        reason = f"it has no {name}" if name else "it has several"
+        raise BagError(f"{data_set}: {reason}; choose one with {option}: {', '.join(known)}")
+    return wanted[0]
+
+
 class TruthReader:
     """Reads a recording of the node's outputs once, in its order. Raises BagError without truth."""
 
@@ -71,13 +85,21 @@ class TruthReader:
             self.parameters = with_file(self.parameters, found.parameters)
         self.recording = Recording(found)
         with self.recording as recording:
-            self.types = recording.types
+            self._types = recording.types
             roles = find_roles(recording.topics, {}).by_topic(_ROLES)
-        if _ARTEFACTS not in self.types:
+        if _ARTEFACTS not in self._types:
             raise BagError(f"{path}: it holds no {_ARTEFACTS}, so nothing is known of artefacts")
         self._roles = {topic: role for topic, role in roles.items() if PREFIX not in topic}
         has_camera_info = "camera/camera_info" in self._roles.values()
         self.robot = RecordedRobot(self.parameters, has_camera_info=has_camera_info)
+
+    def outputs(self, type_name: str = "") -> list[str]:
+        """Return the node's own topics, all or those of a type, in alphabetical order."""
+        return sorted(
+            topic
+            for topic, one in self._types.items()
+            if topic.startswith(PREFIX) and type_name in {one, ""}
+        )
 
     def read(
         self, open_progress: OpenProgress, also: Mapping[str, Callable[[Any], None]]
@@ -86,7 +108,7 @@ class TruthReader:
 
         A tick is yielded as soon as the next one begins, after its own messages.
         """
-        topics = {*self._roles, *also, _ARTEFACTS, *({_PERCEIVED} & {*self.types})}
+        topics = {*self._roles, *also, _ARTEFACTS, *({_PERCEIVED} & {*self._types})}
         with self.recording as recording:
             start_ns, end_ns = recording.span_ns
             progress = open_progress(start_ns, end_ns)

@@ -110,12 +110,6 @@ class Verdict:
         if len(kept) < _KEPT_SENTENCES:
             kept.append(f"{t_s:.2f} s: {sentence}")
 
-    def note_braking(self, deceleration_mps2: float, *, is_dead_stop: bool) -> None:
-        """Count a braking harder than the type can."""
-        self.hard_brakes += 1
-        self.dead_stops += is_dead_stop
-        self.hardest_mps2 = max(self.hardest_mps2, deceleration_mps2)
-
     def arrivals_per_minute(self, behaviour: str) -> float:
         """Return how often an artefact of a behaviour stops at a destination, per minute."""
         lived_s = self.lived_s.get(behaviour, 0.0)
@@ -513,7 +507,9 @@ class MotionJudge:
             verdict.note("limits", t_s, f"{state.label} {state.artefact_id}: {reason}")
         braking_mps2 = hard_braking_mps2(motion, last.speed_mps, limits)
         if braking_mps2:
-            verdict.note_braking(braking_mps2, is_dead_stop=is_standing(motion))
+            verdict.hard_brakes += 1
+            verdict.dead_stops += is_standing(motion)
+            verdict.hardest_mps2 = max(verdict.hardest_mps2, braking_mps2)
         return _Last(t_s, pose, motion.speed_mps, state.activity)
 
     def _judge_twist(self, t_s: float, state: ArtefactState) -> None:
@@ -539,15 +535,11 @@ class MotionJudge:
         if leader is not None:
             others = [s for s in others if s.artefact_id == int(leader)]
         else:
-            others = [s for s in others if self._moves(s.artefact_id)]
+            others = [s for s in others if abs(self._last[s.artefact_id].speed_mps) > _MOVES_MPS]
         gaps_m = [_apart_m(state, other) for other in others]
         if gaps_m:
             gap_m = min(gaps_m)
             self.verdict.follower_gaps.note(gap_m, self._step_s, is_near=gap_m <= _NEAR_LEADER_M)
-
-    def _moves(self, artefact_id: int) -> bool:
-        speed_mps = self._last[artefact_id].speed_mps
-        return abs(speed_mps) > _MOVES_MPS
 
 
 def _boxes_of(states: Sequence[ArtefactState]) -> PlainBoxes:

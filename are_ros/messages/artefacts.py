@@ -18,7 +18,6 @@ from are_ros.messages.cdr import CdrWriter
 from are_ros.population.artefact import Artefact
 
 _ID_AND_ROW: Final = Struct("<QI")
-_ORIGIN: Final = Struct("<B")
 
 
 class _Block(NamedTuple):
@@ -89,7 +88,7 @@ def _tail(artefact: Artefact, status: Status) -> bytes:
     writer.text(behaviour)
     writer.time(artefact.arrival_ns)
     writer.time(departure_ns or 0)
-    writer.pack(_ORIGIN, 1, artefact.origin)
+    writer.byte(artefact.origin)
     writer.count(len(features))
     for key, value in features.items():
         writer.text(key)
@@ -100,7 +99,6 @@ def _tail(artefact: Artefact, status: Status) -> bytes:
 # What is perceived of the artefacts, what happened to them, and the metrics, as bytes.
 
 
-_BYTE: Final = Struct("<B")
 _UINT64: Final = Struct("<Q")
 _DOUBLE: Final = Struct("<d")
 _POSE_SIZE_TWIST: Final = Struct("<88d")
@@ -144,7 +142,7 @@ def encode_event(frame_id: str, event: ArtefactEvent) -> bytes:
     """Return an are_msgs/ArtefactEvent; its kinds are the constants of the message."""
     writer = CdrWriter()
     writer.header(frame_id, event.stamp_ns)
-    writer.pack(_BYTE, 1, event.kind)
+    writer.byte(event.kind)
     writer.pack(_UINT64, 8, event.artefact_id)
     writer.text(event.label)
     writer.text(event.detail)

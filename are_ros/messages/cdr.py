@@ -45,6 +45,10 @@ class CdrWriter:
         self.align(alignment)
         self._body += form.pack(*values)
 
+    def byte(self, value: int) -> None:
+        """Append a number from 0 to 255, or a bool."""
+        self._body.append(value)
+
     def count(self, length: int) -> None:
         """Append the length of a sequence."""
         self.pack(_COUNT, 4, length)

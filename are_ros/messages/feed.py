@@ -66,7 +66,8 @@ class Refusals:
     def add(self, topic: str, role: str, cause: AreError) -> str:
         """Count one more refused message of a topic that plays a role; return the sentence."""
         self.counts[topic] = self.counts.get(topic, 0) + 1
-        sentence = _about(topic, role, cause)
+        text = str(cause).removeprefix(f"{topic}: ").removeprefix(f"{role}: ")
+        sentence = f"{topic}: {text}"
         self.sentences.setdefault(topic, sentence)
         return sentence
 
@@ -90,20 +91,22 @@ class Feed:
         for topic, lens_topic in lens_topics(roles).items():
             self._images.setdefault(lens_topic, []).append(topic)
             builder.await_lens(topic, lens_topic, is_depth=roles[topic] == "depth")
-        others = count(1)
-        makers: Mapping[str, Callable[[], Handler]] = {
-            "map": lambda: self._map,
-            "octomap_point_cloud_centers": lambda: self._cloud,
-            "odom": lambda: self._odometry,
-            "camera/camera_info": lambda: partial(self._camera, 0),
-            OTHER_CAMERA: lambda: partial(self._camera, next(others)),
-            CAMERA_INFO: lambda: self._lens,
-            "tf": lambda: self._transforms,
-            "tf_static": lambda: self._static_transforms,
-            "plan": lambda: self._plan,
-            **{role: partial(self._sensor, kind) for role, kind in SENSORS.items()},
+        handlers: Mapping[str, Handler] = {
+            "map": self._map,
+            "octomap_point_cloud_centers": self._cloud,
+            "odom": self._odometry,
+            "camera/camera_info": partial(self._camera, 0),
+            CAMERA_INFO: self._lens,
+            "tf": partial(self._transforms, is_static=False),
+            "tf_static": partial(self._transforms, is_static=True),
+            "plan": self._plan,
+            **{role: partial(self._reading, kind) for role, kind in SENSORS.items()},
         }
-        self._handlers = {topic: makers[role]() for topic, role in roles.items()}
+        others = count(1)
+        self._handlers = {
+            topic: partial(self._camera, next(others)) if role == OTHER_CAMERA else handlers[role]
+            for topic, role in roles.items()
+        }
 
     def take(self, message: RawMessage, received_ns: int) -> str:
         """Give one message to the builder; an InputError or a FrameError is counted.
@@ -140,14 +143,9 @@ class Feed:
             received_ns,
         )
 
-    def _sensor(self, kind: SensorKind) -> Handler:
-        """Return the handler of a kind of sensor."""
-
-        def take(message: RawMessage, received_ns: int) -> None:
-            reading = kind.read(self._decoding.deserialize(message), message.topic)
-            self._builder.receive_reading(message.topic, reading, received_ns)
-
-        return take
+    def _reading(self, kind: SensorKind, message: RawMessage, received_ns: int) -> None:
+        reading = kind.read(self._decoding.deserialize(message), message.topic)
+        self._builder.receive_reading(message.topic, reading, received_ns)
 
     def _plan(self, message: RawMessage, received_ns: int) -> None:
         path = read_path(self._decoding.deserialize(message), message.topic)
@@ -190,13 +188,7 @@ class Feed:
             self._last[key] = known
         return known[1]
 
-    def _transforms(self, message: RawMessage, received_ns: int) -> None:
-        self._take_transforms(message, received_ns, is_static=False)
-
-    def _static_transforms(self, message: RawMessage, received_ns: int) -> None:
-        self._take_transforms(message, received_ns, is_static=True)
-
-    def _take_transforms(self, message: RawMessage, received_ns: int, *, is_static: bool) -> None:
+    def _transforms(self, message: RawMessage, received_ns: int, *, is_static: bool) -> None:
         """Take the good transforms of a message; the first bad one is raised at the end."""
         refused: FrameError | None = None
         for transform in self._decoding.transforms(message):
@@ -206,9 +198,3 @@ class Feed:
                 refused = refused or cause
         if refused is not None:
             raise refused
-
-
-def _about(topic: str, role: str, cause: AreError) -> str:
-    """Return the cause with its topic in front."""
-    text = str(cause).removeprefix(f"{topic}: ").removeprefix(f"{role}: ")
-    return f"{topic}: {text}"

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from are_ros.builder.costmap.augmented_map import GridUpdate
 from are_ros.messages.cdr import CdrWriter
-from are_ros.messages.common import MessageFactory, make_header, make_pose, read_array, read_time
+from are_ros.messages.common import read_array, read_time
 from are_ros.messages.sensors import read_cloud
 from are_ros.world.occupancy_grid import OccupancyGrid
 
@@ -30,23 +30,6 @@ def read_grid(message: Any, source: str = "map") -> OccupancyGrid:
         frame_id=str(message.header.frame_id).lstrip("/"),
         stamp_ns=read_time(message.header.stamp),
         source=source,
-    )
-
-
-def make_grid(factory: MessageFactory, grid: OccupancyGrid) -> Any:
-    """Return the nav_msgs/OccupancyGrid of a grid; `data` is a view of its cells."""
-    info = factory.make(
-        "nav_msgs/msg/MapMetaData",
-        resolution=grid.resolution_m,
-        width=grid.width,
-        height=grid.height,
-        origin=make_pose(factory, grid.origin),
-    )
-    return factory.make(
-        "nav_msgs/msg/OccupancyGrid",
-        header=make_header(factory, grid.frame_id, grid.stamp_ns),
-        info=info,
-        data=grid.cells.reshape(-1),
     )
 
 
@@ -95,24 +78,3 @@ def read_points(message: Any, source: str = "points") -> Points:
     InputError as `PointCloud.checked`.
     """
     return read_cloud(message, source).points_m()
-
-
-def make_cloud(factory: MessageFactory, frame_id: str, stamp_ns: int, points_m: Points) -> Any:
-    """Return an unorganised PointCloud2 of x, y, z float32 from points (N, 3) [m]."""
-    points = np.ascontiguousarray(points_m, dtype="<f4")
-    fields = [
-        factory.make("sensor_msgs/msg/PointField", name=axis, offset=4 * index, datatype=7, count=1)
-        for index, axis in enumerate("xyz")
-    ]
-    return factory.make(
-        "sensor_msgs/msg/PointCloud2",
-        header=make_header(factory, frame_id, stamp_ns),
-        height=1,
-        width=len(points),
-        fields=fields,
-        is_bigendian=False,
-        point_step=12,
-        row_step=12 * len(points),
-        data=points.reshape(-1).view(np.uint8),
-        is_dense=bool(np.isfinite(points).all()),
-    )

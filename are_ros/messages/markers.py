@@ -22,8 +22,6 @@ _STAMP: Final = Struct("<2i")
 _INTEGERS: Final = Struct("<3i")
 _POSE_AND_SCALE: Final = Struct("<10d")
 _COLOUR: Final = Struct("<4f")
-_IS_FRAME_LOCKED: Final = Struct("<?")
-_IS_MATERIAL_EMBEDDED: Final = Struct("<?")
 _UNTURNED: Final = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 _BEFORE: Final = bytes(4)
 _BODY: Final = 8
@@ -62,7 +60,7 @@ class MarkerEncoder:
 
     def _block(self, look: MarkerLook) -> "_Block":
         heads = _head(self._frame_id, look, 0), _head(self._frame_id, look, 4)
-        self._blocks[look] = _Block(heads, _id_at(self._frame_id, look), _tail(look))
+        self._blocks[look] = _Block(heads, len(_named(self._frame_id, look, 0).part()), _tail(look))
         return self._blocks[look]
 
 
@@ -129,10 +127,6 @@ def _named(frame_id: str, look: MarkerLook, phase: int) -> CdrWriter:
     return writer
 
 
-def _id_at(frame_id: str, look: MarkerLook) -> int:
-    return len(_named(frame_id, look, 0).part())
-
-
 def _head(frame_id: str, look: MarkerLook, phase: int) -> bytes:
     """Return what stands before the pose, without stamp and id, for a marker of this phase."""
     writer = _named(frame_id, look, phase)
@@ -147,28 +141,18 @@ def _tail(look: MarkerLook) -> bytes:
     writer.pack(_POSE_AND_SCALE, 8, *_UNTURNED, *look.scale)
     writer.pack(_COLOUR, 4, *look.colour)
     writer.time(look.lifetime_ns)
-    writer.pack(_IS_FRAME_LOCKED, 1, False)
+    writer.byte(False)  # it is not locked to its frame
     writer.numbers(look.points, "<f8")
     writer.numbers(look.colours, "<f4")
-    _append_no_texture(writer)
-    writer.text(look.text)
-    _append_no_mesh(writer)
-    writer.align(4)
-    return writer.part()
-
-
-def _append_no_texture(writer: CdrWriter) -> None:
-    """Append resource, image (header, format, data) and coordinates of a texture, all empty."""
-    writer.text("")
+    writer.text("")  # no texture: its resource, an image, and its coordinates
     writer.header("", 0)
     writer.text("")
     writer.count(0)
     writer.count(0)
-
-
-def _append_no_mesh(writer: CdrWriter) -> None:
-    """Append resource and file (name, data) of a mesh, all empty."""
-    writer.text("")
+    writer.text(look.text)
+    writer.text("")  # no mesh: its resource, a file's name and data, and its materials
     writer.text("")
     writer.count(0)
-    writer.pack(_IS_MATERIAL_EMBEDDED, 1, False)
+    writer.byte(False)
+    writer.align(4)
+    return writer.part()

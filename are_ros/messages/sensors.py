@@ -88,7 +88,6 @@ def read_range(message: Any, source: str = "range") -> RangeReading:
     ).checked(source)
 
 
-_BYTE: Final = Struct("<B")
 _RANGE_NUMBERS: Final = Struct("<5f")
 
 
@@ -96,7 +95,7 @@ def encode_range(reading: RangeReading) -> bytes:
     """Return a sensor_msgs/Range."""
     writer = CdrWriter()
     writer.header(reading.frame_id, reading.stamp_ns)
-    writer.pack(_BYTE, 1, reading.radiation_type)
+    writer.byte(reading.radiation_type)
     writer.pack(
         _RANGE_NUMBERS,
         4,
@@ -132,7 +131,6 @@ def read_cloud(message: Any, source: str = "points") -> PointCloud:
 
 
 _SIZE: Final = Struct("<2I")
-_FLAG: Final = Struct("<?")
 
 
 def encode_cloud(cloud: PointCloud) -> bytes:
@@ -145,14 +143,14 @@ def encode_cloud(cloud: PointCloud) -> bytes:
     for name, offset, datatype, numbers in cloud.fields:
         writer.text(name)
         writer.count(offset)
-        writer.pack(_BYTE, 1, datatype)
+        writer.byte(datatype)
         writer.count(numbers)
-    writer.pack(_FLAG, 1, cloud.is_bigendian)
+    writer.byte(cloud.is_bigendian)
     writer.pack(_SIZE, 4, cloud.point_step, row_step)
     writer.count(cloud.data.size)
     # joined once: a large cloud's bytes are copied once
     data = np.ascontiguousarray(cloud.data).data
-    return b"".join((writer.message(), data, _FLAG.pack(cloud.is_dense)))
+    return b"".join((writer.message(), data, bytes((cloud.is_dense,))))
 
 
 @dataclass(frozen=True)

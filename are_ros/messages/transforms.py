@@ -1,16 +1,12 @@
 """tf2_msgs/TFMessage <-> stamped transforms between named frames, by objects and by bytes."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from struct import Struct
 from typing import Any, NamedTuple
 
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.cdr import CdrWriter
 from are_ros.messages.common import (
-    MessageFactory,
-    make_header,
-    make_quaternion,
-    make_vector,
     read_time,
     read_vector,
 )
@@ -34,14 +30,6 @@ def read_transforms(message: Any) -> list[StampedTransform]:
     return [_read_transform(stamped) for stamped in message.transforms]
 
 
-def make_transforms(factory: MessageFactory, transforms: Iterable[StampedTransform]) -> Any:
-    """Return a TFMessage."""
-    return factory.make(
-        "tf2_msgs/msg/TFMessage",
-        transforms=[_make_transform(factory, transform) for transform in transforms],
-    )
-
-
 def _read_transform(stamped: Any) -> StampedTransform:
     header, transform = stamped.header, stamped.transform
     shift, turn = transform.translation, transform.rotation
@@ -51,19 +39,6 @@ def _read_transform(stamped: Any) -> StampedTransform:
         read_time(header.stamp),
         (shift.x, shift.y, shift.z),
         (turn.x, turn.y, turn.z, turn.w),
-    )
-
-
-def _make_transform(factory: MessageFactory, transform: StampedTransform) -> Any:
-    return factory.make(
-        "geometry_msgs/msg/TransformStamped",
-        header=make_header(factory, transform.parent, transform.stamp_ns),
-        child_frame_id=transform.child,
-        transform=factory.make(
-            "geometry_msgs/msg/Transform",
-            translation=make_vector(factory, transform.translation_m),
-            rotation=make_quaternion(factory, transform.rotation_xyzw),
-        ),
     )
 
 

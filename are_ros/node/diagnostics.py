@@ -4,7 +4,7 @@ See docs/diagnostics.md for the page of the user.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 from operator import itemgetter
@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, Any, Final
 from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.conventions import NS_PER_S
-from are_ros.messages.common import MessageFactory, make_header
+from are_ros.messages.cdr import CdrWriter
 from are_ros.messages.sensors import SENSORS
 from are_ros.node.live_builder import LiveBuilder
-from are_ros.node.message_classes import RclpyFactory
 from are_ros.node.watches import (
     GRACE_S,
     CountWatch,
@@ -245,29 +244,22 @@ def statuses(snapshot: NodeSnapshot) -> list[Status]:
     return found + [_sensor(sensor) for sensor in snapshot.sensors]
 
 
-def make_diagnostics(
-    factory: MessageFactory, stamp_ns: int, found: Iterable[Status], node_name: str = "ar_builder"
-) -> Any:
+def encode_diagnostics(
+    stamp_ns: int, found: Sequence[Status], node_name: str = "ar_builder"
+) -> bytes:
     """Return a diagnostic_msgs/DiagnosticArray; its names are as "ar_builder: inputs/scan"."""
-    message = "diagnostic_msgs/msg/DiagnosticArray"
-    header = make_header(factory, "", stamp_ns)
-    entries = [_message(factory, status, node_name) for status in found]
-    return factory.make(message, header=header, status=entries)
-
-
-def _message(factory: MessageFactory, status: Status, node_name: str) -> Any:
-    values = [
-        factory.make("diagnostic_msgs/msg/KeyValue", key=key, value=value)
-        for key, value in status.values.items()
-    ]
-    return factory.make(
-        "diagnostic_msgs/msg/DiagnosticStatus",
-        level=int(status.level),
-        name=f"{node_name}: {status.name}",
-        message=status.message,
-        hardware_id="are_ros",
-        values=values,
-    )
+    writer = CdrWriter()
+    writer.header("", stamp_ns)
+    writer.count(len(found))
+    for status in found:
+        writer.byte(status.level)
+        for text in (f"{node_name}: {status.name}", status.message, "are_ros"):
+            writer.text(text)
+        writer.count(len(status.values))
+        for key, value in status.values.items():
+            writer.text(key)
+            writer.text(value)
+    return writer.message()
 
 
 def _state(snapshot: NodeSnapshot) -> Status:
@@ -450,7 +442,6 @@ class Reporter:
     def __init__(self, node: "Node", publisher: Any) -> None:
         self._node = node
         self._publisher = publisher
-        self._factory = RclpyFactory()
         self._blocked, self._arrived = CountWatch(_MINUTE_NS), CountWatch(_MINUTE_NS)
         self._passed: dict[str, CountWatch] = {}
         self._last_contact: tuple[str, int] | None = None
@@ -489,8 +480,7 @@ class Reporter:
         )
         self.clock_doubt = clock_doubt(snapshot)
         name = self._node.get_fully_qualified_name().lstrip("/")
-        message = make_diagnostics(self._factory, stamp_ns, statuses(snapshot), name)
-        self._publisher.publish(message)
+        self._publisher.publish(encode_diagnostics(stamp_ns, statuses(snapshot), name))
 
     def _state(self, live: LiveBuilder | None) -> NodeState:
         if self.is_shut_down:

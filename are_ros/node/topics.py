@@ -191,7 +191,8 @@ class Subscriptions:
         options: dict[str, Any] = {"raw": True}
         if role == _CLOUD:
             options["qos_profile"] = self._cloud_qos()
-            options["event_callbacks"] = SubscriptionEventCallbacks(incompatible_qos=_adapt_later)
+            # Without a callback rclpy warns; `follow_publishers` adapts the subscription.
+            options["event_callbacks"] = SubscriptionEventCallbacks(incompatible_qos=lambda _: None)
         name = self._node.resolve_topic_name(topic)
         type_name = input_type(role, topic)
 
@@ -206,11 +207,6 @@ class Subscriptions:
         if self._is_cloud_latched:
             profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
         return profile
-
-
-def _adapt_later(event: Any) -> None:
-    """Suppress rclpy's warning: `follow_publishers` adapts the subscription."""
-    del event
 
 
 # The outputs.

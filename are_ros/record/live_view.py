@@ -27,7 +27,7 @@ from are_ros.errors import AreError, NodeError
 from are_ros.messages.feed import OTHER_CAMERA
 from are_ros.messages.sensors import sensor_outputs
 from are_ros.messages.tick_encoding import OUTPUTS
-from are_ros.node.message_classes import RclpyFactory, message_class, service_class
+from are_ros.node.message_classes import message_class, service_class
 from are_ros.node.qos import INPUTS, output_qos, subscribe
 from are_ros.node.startup import executor_of, ros_session, stop_on_signals
 from are_ros.parameters.declaration import Description, describe, value_at, with_values
@@ -324,7 +324,7 @@ class LiveView:
             self._request(lambda: self._spawn(x_m, y_m))
 
     def _spawn(self, x_m: float, y_m: float) -> str:
-        pose = RclpyFactory().make("geometry_msgs/msg/PoseStamped")
+        pose = message_class("geometry_msgs/msg/PoseStamped")()
         pose.header.frame_id = self._parameters.frames.map
         pose.pose.position.x, pose.pose.position.y = x_m, y_m
         pose.pose.orientation.w = 1.0

@@ -15,7 +15,7 @@ from rosgraph_msgs.msg import Clock
 
 from are_ros.bag.reader import BagMessage, BagReader, BagTopic
 from are_ros.bag.roles import slashed
-from are_ros.bag.types import RosbagsFactory, as_ros2, ros2_type
+from are_ros.bag.types import as_ros2, ros2_type
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, NodeError
 from are_ros.node.message_classes import message_class
@@ -92,7 +92,6 @@ class PlayedTopics:
         self.skipped: dict[str, str] = {}
         self.counts: dict[str, int] = {}
         self._reader = reader
-        self._factory = RosbagsFactory()
         self._topics: dict[str, BagTopic] = {}
         self._publishers: dict[str, Any] = {}
         self._unacknowledged: set[str] = set()
@@ -124,7 +123,7 @@ class PlayedTopics:
             except AreError as cause:
                 self.skipped[topic] = str(cause)
                 return
-            data = as_ros2(self._factory, original, ros2_type(recorded.type_name))
+            data = as_ros2(original, ros2_type(recorded.type_name))
         else:
             data = bytes(message.data)
         self._publishers[topic].publish(data)

@@ -11,15 +11,15 @@ from are_ros.bag.types import as_ros2, ros2_type
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.sensors.laser_scan import LaserScan
+from are_ros.builder.sensors.point_cloud import PointCloud
 from are_ros.builder.sensors.sensor_path import ReleasedReading
 from are_ros.builder.tick import USUAL, Demand, Tick
 from are_ros.draw.scene import CameraAt, ScanPoints, scan_points
 from are_ros.errors import AreError
-from are_ros.messages.common import MessageFactory
-from are_ros.messages.maps import Points, make_cloud, make_grid
-from are_ros.messages.sensors import SensorOutputs
+from are_ros.messages.maps import Points, encode_grid
+from are_ros.messages.sensors import SensorOutputs, encode_cloud
 from are_ros.messages.tick_encoding import OUTPUTS, OutputTopic, TickEncoder
-from are_ros.messages.transforms import StampedTransform, encode_transforms_cdr, make_transforms
+from are_ros.messages.transforms import StampedTransform, encode_transforms_cdr
 from are_ros.parameters.choices import Region
 from are_ros.parameters.model import SensorsParameters
 from are_ros.replay.runner import Listener
@@ -73,17 +73,10 @@ _TRANSFORMS = "tf2_msgs/msg/TFMessage"
 class InputCopy(Listener):
     """Writes the messages that the replay read under their own topics, as ROS 2 messages."""
 
-    def __init__(
-        self,
-        reader: BagReader,
-        writer: BagWriter,
-        factory: MessageFactory,
-        roles: Mapping[str, str],
-    ) -> None:
+    def __init__(self, reader: BagReader, writer: BagWriter, roles: Mapping[str, str]) -> None:
         """Announce the topics; `roles` maps each topic that is read to its role."""
         self._reader = reader
         self._writer = writer
-        self._factory = factory
         self._types: dict[str, str] = {}
         for topic in reader.topics:
             if topic.name in roles and topic.name not in self._types:
@@ -111,30 +104,31 @@ class InputCopy(Listener):
         if type_name == _TRANSFORMS:
             with suppress(StructError):  # a stamp that ROS 2 has not: let the general way complain
                 return encode_transforms_cdr(self._reader.transforms(message))
-        return as_ros2(self._factory, self._reader.deserialize(message), type_name)
+        return as_ros2(self._reader.deserialize(message), type_name)
 
     def write_map(self, topic: str, grid: OccupancyGrid, now_ns: int) -> None:
         """Append the map that came from a file, once."""
-        self._announce(topic, "nav_msgs/msg/OccupancyGrid", depth=1)
-        self._writer.write(topic, now_ns, make_grid(self._factory, grid))
+        self._write_latched(topic, "nav_msgs/msg/OccupancyGrid", 1, now_ns, encode_grid(grid))
 
     def write_cloud(self, centres_m: Points, frame_id: str, now_ns: int) -> None:
         """Append the voxels (N, 3) [m] that came from a file, once."""
-        topic = "/octomap_point_cloud_centers"
-        self._announce(topic, "sensor_msgs/msg/PointCloud2", depth=1)
-        self._writer.write(topic, now_ns, make_cloud(self._factory, frame_id, now_ns, centres_m))
+        topic, kind = "/octomap_point_cloud_centers", "sensor_msgs/msg/PointCloud2"
+        data = encode_cloud(PointCloud.of_points(frame_id, now_ns, centres_m))
+        self._write_latched(topic, kind, 1, now_ns, data)
 
     def write_static(self, transforms: list[StampedTransform], now_ns: int) -> None:
         """Append the static transforms that were given as parameters."""
-        topic = "/tf_static"
-        self._announce(topic, _TRANSFORMS, depth=100)
-        self._writer.write(topic, now_ns, make_transforms(self._factory, transforms))
+        data = encode_transforms_cdr(transforms)
+        self._write_latched("/tf_static", _TRANSFORMS, 100, now_ns, data)
 
-    def _announce(self, topic: str, type_name: str, *, depth: int) -> None:
-        """Add a latched topic, unless it is one of the inputs."""
+    def _write_latched(
+        self, topic: str, type_name: str, depth: int, now_ns: int, data: bytes
+    ) -> None:
+        """Append a message to a latched topic, which is added unless it is one of the inputs."""
         if topic not in self._types:
             self._types[topic] = type_name
             self._writer.add_topic(topic, type_name, is_latched=True, depth=depth)
+        self._writer.write_raw(topic, now_ns, data)
 
 
 class RecordKeeper(Listener):

@@ -87,7 +87,7 @@ def read_recorded_scene(
     parameters = Parameters()
     if found.parameters is not None:
         parameters = with_file(parameters, found.parameters)
-    recorder = SceneRecorder.of(parameters, Catalogue(()))
+    recorder = SceneRecorder(parameters, Catalogue(()))
     with Recording(found) as recording:
         cameras = {slashed(name): role for name, role in other_camera_roles(parameters).items()}
         roles = _topics(recording, cameras, with_scans=with_scans, with_voxels=with_voxels)
@@ -167,14 +167,16 @@ class SceneReader:
             "map": self._take_map,
             _AUGMENTED: self._take_augmented,
             CLOUD: self._take_cloud,
-            SCAN: self._scans.take_input,
-            AUGMENTED_SCAN: self._scans.take_output,
-            **{role: self._other_camera(role) for role in other_camera_roles(parameters).values()},
+            SCAN: partial(_remember, self._scans.inputs),
+            AUGMENTED_SCAN: partial(_remember, self._scans.outputs),
+            **{
+                role: partial(self._take_camera, int(role.removeprefix(_OTHER_CAMERA)))
+                for role in other_camera_roles(parameters).values()
+            },
         }
 
-    def _other_camera(self, role: str) -> Callable[[Any], None]:
-        number = int(role.removeprefix(_OTHER_CAMERA))
-        return lambda image: self._robot.take_camera(image.message, number)
+    def _take_camera(self, number: int, image: Any) -> None:
+        self._robot.take_camera(image.message, number)
 
     @property
     def camera(self) -> ViewModel | None:
@@ -289,27 +291,19 @@ class _ScanKeeper:
 
     def __init__(self, map_frame: str) -> None:
         self._map_frame = map_frame
-        self._inputs: OrderedDict[tuple[int, str], LaserScan] = OrderedDict()
-        self._outputs: OrderedDict[tuple[int, str], LaserScan] = OrderedDict()
-
-    def take_input(self, scan: Scan) -> None:
-        """Take a scan as the laser gave it."""
-        _remember(self._inputs, scan)
-
-    def take_output(self, scan: Scan) -> None:
-        """Take a scan as the node gave it out."""
-        _remember(self._outputs, scan)
+        self.inputs: OrderedDict[tuple[int, str], LaserScan] = OrderedDict()
+        self.outputs: OrderedDict[tuple[int, str], LaserScan] = OrderedDict()
 
     def take(self, frames: FrameTree) -> tuple[ScanPoints, ...]:
         """Return the newest scan of each frame that can be placed, and forget all before it."""
         found: dict[str, ScanPoints] = {}
-        for (stamp_ns, frame_id), scan in reversed((self._outputs or self._inputs).items()):
+        for (stamp_ns, frame_id), scan in reversed((self.outputs or self.inputs).items()):
             if frame_id in found:
                 continue
             pose = frames.try_lookup(self._map_frame, frame_id, stamp_ns)
             if pose is not None:
-                found[frame_id] = scan_points(scan, self._inputs.get((stamp_ns, frame_id)), pose)
-        self._outputs.clear()
+                found[frame_id] = scan_points(scan, self.inputs.get((stamp_ns, frame_id)), pose)
+        self.outputs.clear()
         return tuple(found.values())
 
 

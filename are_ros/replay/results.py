@@ -182,6 +182,7 @@ def _life(record: SceneRecord, life: Life) -> Content:
         first_ns = int(record.series.stamps_ns[0])
         return None if stamp_ns is None else (stamp_ns - first_ns) / NS_PER_S
 
+    seen_ns = life.seen_ns.tolist()
     return {
         "id": life.artefact_id,
         "row": life.row.index,
@@ -190,9 +191,9 @@ def _life(record: SceneRecord, life: Life) -> Content:
         "arrival_s": seconds(life.arrival_ns),
         "departure_s": seconds(life.departure_ns),
         "left_by": life.left_by or None,
-        "first_perceived_s": seconds(life.first_seen_ns),
-        "last_perceived_s": seconds(life.last_seen_ns),
-        "ticks_perceived": life.seen_ticks,
+        "first_perceived_s": seconds(min(seen_ns, default=None)),
+        "last_perceived_s": seconds(max(seen_ns, default=None)),
+        "ticks_perceived": len(seen_ns),
     }
 
 

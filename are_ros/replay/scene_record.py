@@ -26,7 +26,6 @@ from are_ros.parameters.model import Parameters
 from are_ros.population.artefact import GroundPose
 from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.world.cameras import Camera, ViewModel
-from are_ros.world.footprint import Footprint
 from are_ros.world.rigid_transform import RigidTransform
 
 
@@ -89,9 +88,6 @@ class _LifeRecorder:
             self.departure_ns,
             self.left_by,
             self.poses.track(),
-            len(self.seen_ns),
-            self.seen_ns[0] if self.seen_ns else None,
-            self.seen_ns[-1] if self.seen_ns else None,
             np.array(self.seen_ns, dtype=np.int64),
             tuple(self.doings),
             np.array(self.heights_m, dtype=np.float64),
@@ -102,21 +98,11 @@ class SceneRecorder:
     """Collects a `SceneRecord`, tick by tick."""
 
     def __init__(
-        self,
-        catalogue: Catalogue,
-        *,
-        seed: int,
-        max_range_m: float,
-        footprint: Footprint,
-        is_perceiving: bool = True,
+        self, parameters: Parameters, catalogue: Catalogue, *, is_perceiving: bool = True
     ) -> None:
-        """Take the catalogue's rows, and the robot's outline on its base.
-
-        Without perception (not `is_perceiving`) no tick counts as blind.
-        """
-        self._is_perceiving = is_perceiving
+        """Take the parameters of the run; without perception no tick counts as blind."""
+        self._is_perceiving, self._parameters = is_perceiving, parameters
         self._rows = {row.label: row for row in catalogue.rows}
-        self._seed, self._max_range_m, self._footprint = seed, max_range_m, footprint
         self._lives: dict[int, _LifeRecorder] = {}
         self._events: list[ArtefactEvent] = []
         self._robot, self._base, self._camera = _Poses(3), _Poses(7), _Poses(7)
@@ -130,19 +116,6 @@ class SceneRecorder:
         self._scans_every = 1
         self._others: dict[int, Sequence[CameraAt]] = {}
         self._present: set[int] = set()
-
-    @classmethod
-    def of(
-        cls, parameters: Parameters, catalogue: Catalogue, *, is_perceiving: bool = True
-    ) -> "SceneRecorder":
-        """Return the recorder of a run with these parameters."""
-        return cls(
-            catalogue,
-            seed=parameters.seed,
-            max_range_m=parameters.occlusion.max_range,
-            footprint=robot_footprint(parameters.robot),
-            is_perceiving=is_perceiving,
-        )
 
     @property
     def wants_scans(self) -> bool:
@@ -205,9 +178,9 @@ class SceneRecorder:
         stamps, alive, perceived = (np.array(values, dtype=np.int64) for values in self._counts)
         clutter = np.array(self._clutter, dtype=np.float64)
         return SceneRecord(
-            seed=self._seed,
-            max_range_m=self._max_range_m,
-            footprint=self._footprint,
+            seed=self._parameters.seed,
+            max_range_m=self._parameters.occlusion.max_range,
+            footprint=robot_footprint(self._parameters.robot),
             robot=self._robot.track(),
             camera=self._camera.track(),
             views=tuple(self._views),

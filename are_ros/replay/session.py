@@ -15,7 +15,6 @@ from are_ros.agents.scenario_recorder import ScenarioRecorder
 from are_ros.bag.reader import BagReader
 from are_ros.bag.roles import OCTOMAP, RolesFound, find_roles
 from are_ros.bag.stretches import needed_wait_s
-from are_ros.bag.types import RosbagsFactory
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import catalogue_of, parse_static_transforms
@@ -181,7 +180,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
                 warm_up(catalogue, needs=needs, count=bar.count)
             files.feed(builder, replay.start_ns)
         perceives = options.demand.perception
-        recorder = SceneRecorder.of(options.parameters, catalogue, is_perceiving=perceives)
+        recorder = SceneRecorder(options.parameters, catalogue, is_perceiving=perceives)
         keeper, standing = RecordKeeper(recorder, builder), StandingWatch(builder)
         with ExitStack() as stack:
             writers, counts = _open_writers(stack, options, reader, replay, builder, files)
@@ -265,7 +264,6 @@ def _open_writers(
     if options.out is None:
         return (), dict
     writer = stack.enter_context(BagWriter(options.out / AUGMENTED))
-    factory = RosbagsFactory()
     sensors = options.parameters.sensors
     offered = offered_outputs(
         options.parameters.certainty,
@@ -275,7 +273,7 @@ def _open_writers(
     outputs = TickWriter(writer, replay.role_of_topic, options.demand, offered, sensors)
     if not options.with_inputs:
         return (outputs,), writer.counts
-    copy = InputCopy(reader, writer, factory, replay.role_of_topic)
+    copy = InputCopy(reader, writer, replay.role_of_topic)
     if options.map_file is not None and builder.world.grid is not None:
         copy.write_map("/map", builder.world.grid, replay.start_ns)
     if files.cloud is not None:
@@ -299,11 +297,13 @@ def _known_map(builder: ArBuilder, replay: Replay, roles: RolesFound) -> Occupan
     """Return the last map; BagError where there was none, or the robot's pose was never known."""
     grid = builder.world.grid
     if grid is None:
-        raise BagError(_why_no_map(replay))
+        reason = _refused(replay, ("map",)) or "the recording has none before its end"
+        raise BagError(f"no usable map was received ({reason}): give one with --map FILE.yaml")
     if builder.robots.last is None:
+        refused = _refused(replay, _TRANSFORM_ROLES)
+        reason = builder.robots.missing + (f"; refused: {refused}" if refused else "")
         raise BagError(
-            f"the robot's pose in the map was never known ({_why_no_pose(builder, replay)}): "
-            f"{_what_joins(builder, roles)}"
+            f"the robot's pose in the map was never known ({reason}): {_what_joins(builder, roles)}"
         )
     return grid
 
@@ -328,18 +328,6 @@ def _what_joins(builder: ArBuilder, roles: RolesFound) -> str:
         f"see `are inspect BAG`, and give {static_tf_option(map_frame, root)}, which `are align`"
         " finds by the scans, or the map's frame with --map-frame"
     )
-
-
-def _why_no_map(replay: Replay) -> str:
-    """Return why no map of the recording was used."""
-    reason = _refused(replay, ("map",)) or "the recording has none before its end"
-    return f"no usable map was received ({reason}): give one with --map FILE.yaml"
-
-
-def _why_no_pose(builder: ArBuilder, replay: Replay) -> str:
-    """Return why the robot's pose was never known, with the refused transforms."""
-    refused = _refused(replay, _TRANSFORM_ROLES)
-    return f"{builder.robots.missing}; refused: {refused}" if refused else builder.robots.missing
 
 
 def _refused(replay: Replay, roles: Collection[str]) -> str:

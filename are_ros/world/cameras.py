@@ -152,12 +152,8 @@ def undistort_angles(radii: _Floats, coefficients: _Floats, limit_rad: float) ->
 
     `limit_rad` is `angular_limit`; NaN where a radius lies beyond it.
     """
-
-    def radius_and_slope(angles: _Floats) -> tuple[_Floats, _Floats]:
-        return _angular(angles, coefficients)
-
     outermost = _angular(np.array([limit_rad]), coefficients)[0]
-    angles = _bracketed_newton(radius_and_slope, radii, limit_rad)
+    angles = _bracketed_newton(lambda theta: _angular(theta, coefficients), radii, limit_rad)
     return np.where(radii > outermost, np.nan, angles)
 
 
@@ -292,11 +288,10 @@ class PinholeView:
     def _slopes(self) -> npt.NDArray[np.float64]:
         """Return x / z and y / z per pixel, (height, width, 2), NaN where there is no ray."""
         distorted = image_plane(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
-        if not any(self.distortion):
+        if self.is_straight:
             return distorted
         numbers = np.array(self.distortion)
-        limit = radial_limit(numbers)
-        slopes = undistort_points(distorted.reshape(-1, 2), numbers, limit)
+        slopes = undistort_points(distorted.reshape(-1, 2), numbers, self._radial_limit)
         return slopes.reshape(distorted.shape)
 
 

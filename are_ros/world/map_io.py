@@ -61,16 +61,14 @@ def _pgm(path: Path, data: bytes) -> MapImage:
     if not (width and height and full):
         raise MapError(f"{path}: the pgm header says {width} x {height} pixels up to {full}")
     body, count = data[header.end() :], width * height
-    samples = _binary_samples(body, count) if kind == 5 else _plain_samples(path, body, count)
+    samples: npt.NDArray[np.integer] = (
+        np.frombuffer(body[:count], np.uint8) if kind == 5 else _plain_samples(path, body, count)
+    )
     if len(samples) < count:
         raise MapError(f"{path}: the image is truncated, {len(samples)} pixels of {count}")
     if int(samples.max()) > full:
         raise MapError(f"{path}: a pixel of {int(samples.max())} exceeds the maximum of {full}")
     return MapImage(samples.reshape(height, width).astype(np.int64), full)
-
-
-def _binary_samples(body: bytes, count: int) -> npt.NDArray[np.integer]:
-    return np.frombuffer(body[:count], dtype=np.uint8)
 
 
 def _plain_samples(path: Path, body: bytes, count: int) -> npt.NDArray[np.integer]:

@@ -16,12 +16,13 @@ from are_ros.builder.occlusion.meshes import MeshPool, MeshSelection
 from are_ros.builder.rendering.painter import Lighting, PaintedBody, Painter
 from are_ros.builder.rendering.surface import Surface
 from are_ros.builder.sensors.lens import Lens
-from are_ros.messages.common import Header, MessageFactory, make_header
+from are_ros.messages.common import Header
 from are_ros.population.meshes.appearance import DrawnMesh
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.cameras import CameraInfo
 from are_ros.world.rigid_transform import RigidTransform
 from bags.simulation.building import Building, Cuboid, Cylinder, Solid
+from bags.simulation.making import MessageFactory, make_header
 
 Floats = npt.NDArray[np.float64]
 Pixels = npt.NDArray[np.uint8]

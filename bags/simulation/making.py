@@ -1,24 +1,135 @@
 """Messages of a robot, made by the factory of either middleware: for recordings and tests."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from are_ros.builder.sensors.laser_scan import LaserScan
-from are_ros.messages.common import (
-    Header,
-    MessageFactory,
-    Values,
-    Vector3,
-    make_header,
-    make_point,
-    make_pose,
-    make_vector,
-)
+from are_ros.conventions import NS_PER_S
+from are_ros.messages.common import Header, Vector3
 from are_ros.messages.goals import StampedPoints
+from are_ros.messages.maps import Points
+from are_ros.messages.transforms import StampedTransform
 from are_ros.world.cameras import CameraInfo
+from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
+
+Values = Sequence[float] | npt.NDArray[np.float64]
+
+
+class MessageFactory(Protocol):
+    """Builds message objects of one middleware.
+
+    `type_name` is the full name, as "nav_msgs/msg/OccupancyGrid". A field that is left out has its
+    type's default. Arrays of numbers come as one-dimensional numpy arrays of the field's dtype,
+    nested messages as what `make` returned, sequences of strings or messages as lists.
+    """
+
+    def make(self, type_name: str, /, **fields: Any) -> Any:
+        """Return a new message object of the type with the fields given."""
+
+
+def make_time(factory: MessageFactory, time_ns: int) -> Any:
+    """Return a builtin_interfaces/Time; its nanoseconds lie in [0, 1e9), before the epoch too."""
+    seconds, nanoseconds = divmod(time_ns, NS_PER_S)
+    return factory.make("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
+
+
+def make_header(factory: MessageFactory, frame_id: str, stamp_ns: int) -> Any:
+    """Return a std_msgs/Header."""
+    stamp = make_time(factory, stamp_ns)
+    return factory.make("std_msgs/msg/Header", stamp=stamp, frame_id=frame_id)
+
+
+def make_point(factory: MessageFactory, xyz_m: Values) -> Any:
+    """Return a geometry_msgs/Point of three metres."""
+    x, y, z = xyz_m
+    return factory.make("geometry_msgs/msg/Point", x=float(x), y=float(y), z=float(z))
+
+
+def make_vector(factory: MessageFactory, xyz: Values) -> Any:
+    """Return a geometry_msgs/Vector3."""
+    x, y, z = xyz
+    return factory.make("geometry_msgs/msg/Vector3", x=float(x), y=float(y), z=float(z))
+
+
+def make_quaternion(factory: MessageFactory, xyzw: Values) -> Any:
+    """Return a geometry_msgs/Quaternion."""
+    x, y, z, w = xyzw
+    return factory.make(
+        "geometry_msgs/msg/Quaternion", x=float(x), y=float(y), z=float(z), w=float(w)
+    )
+
+
+def make_pose(factory: MessageFactory, parent_from_pose: RigidTransform) -> Any:
+    """Return a geometry_msgs/Pose."""
+    return factory.make(
+        "geometry_msgs/msg/Pose",
+        position=make_point(factory, parent_from_pose.translation_m.tolist()),
+        orientation=make_quaternion(factory, parent_from_pose.rotation_xyzw.tolist()),
+    )
+
+
+def make_grid(factory: MessageFactory, grid: OccupancyGrid) -> Any:
+    """Return the nav_msgs/OccupancyGrid of a grid; `data` is a view of its cells."""
+    info = factory.make(
+        "nav_msgs/msg/MapMetaData",
+        resolution=grid.resolution_m,
+        width=grid.width,
+        height=grid.height,
+        origin=make_pose(factory, grid.origin),
+    )
+    return factory.make(
+        "nav_msgs/msg/OccupancyGrid",
+        header=make_header(factory, grid.frame_id, grid.stamp_ns),
+        info=info,
+        data=grid.cells.reshape(-1),
+    )
+
+
+def make_cloud(factory: MessageFactory, frame_id: str, stamp_ns: int, points_m: Points) -> Any:
+    """Return an unorganised PointCloud2 of x, y, z float32 from points (N, 3) [m]."""
+    points = np.ascontiguousarray(points_m, dtype="<f4")
+    fields = [
+        factory.make("sensor_msgs/msg/PointField", name=axis, offset=4 * index, datatype=7, count=1)
+        for index, axis in enumerate("xyz")
+    ]
+    return factory.make(
+        "sensor_msgs/msg/PointCloud2",
+        header=make_header(factory, frame_id, stamp_ns),
+        height=1,
+        width=len(points),
+        fields=fields,
+        is_bigendian=False,
+        point_step=12,
+        row_step=12 * len(points),
+        data=points.reshape(-1).view(np.uint8),
+        is_dense=bool(np.isfinite(points).all()),
+    )
+
+
+def make_transforms(factory: MessageFactory, transforms: Iterable[StampedTransform]) -> Any:
+    """Return a TFMessage."""
+    return factory.make(
+        "tf2_msgs/msg/TFMessage",
+        transforms=[_make_transform(factory, transform) for transform in transforms],
+    )
+
+
+def _make_transform(factory: MessageFactory, transform: StampedTransform) -> Any:
+    return factory.make(
+        "geometry_msgs/msg/TransformStamped",
+        header=make_header(factory, transform.parent, transform.stamp_ns),
+        child_frame_id=transform.child,
+        transform=factory.make(
+            "geometry_msgs/msg/Transform",
+            translation=make_vector(factory, transform.translation_m),
+            rotation=make_quaternion(factory, transform.rotation_xyzw),
+        ),
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,9 +7,7 @@ from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 
-from are_ros.messages.common import Header, MessageFactory
-from are_ros.messages.maps import make_cloud, make_grid
-from are_ros.messages.transforms import make_transforms
+from are_ros.messages.common import Header
 from bags.simulation.building import surface_centres_m
 from bags.simulation.camera import OfficeCamera, make_depth_png, make_jpeg
 from bags.simulation.frames import (
@@ -22,7 +20,16 @@ from bags.simulation.frames import (
     fixed_joints,
     stamped,
 )
-from bags.simulation.making import OdometryReading, make_camera_info, make_odometry, make_scan
+from bags.simulation.making import (
+    MessageFactory,
+    OdometryReading,
+    make_camera_info,
+    make_cloud,
+    make_grid,
+    make_odometry,
+    make_scan,
+    make_transforms,
+)
 from bags.simulation.robot import Driver
 from bags.simulation.simulator import STEPS_PER_S, Simulator
 

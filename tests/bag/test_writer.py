@@ -13,10 +13,11 @@ from are_ros.bag.types import RosbagsFactory
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.markers import DELETE_ALL
 from are_ros.errors import BagError
-from are_ros.messages.maps import make_grid, read_grid
+from are_ros.messages.maps import read_grid
 from are_ros.messages.markers import MarkerEncoder
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
+from bags.simulation.making import make_grid
 
 GRID, ARRAY = "nav_msgs/msg/OccupancyGrid", "are_msgs/msg/ArtefactArray"
 MARKERS = "visualization_msgs/msg/MarkerArray"

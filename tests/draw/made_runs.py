@@ -69,9 +69,6 @@ def walker(
         departure_ns=int(stamps[-1]) + 1 if gone else None,
         left_by="life_over" if gone else "",
         footprints=Track(stamps, poses),
-        seen_ticks=len(seen_ns),
-        first_seen_ns=int(seen_ns[0]) if len(seen_ns) else None,
-        last_seen_ns=int(seen_ns[-1]) if len(seen_ns) else None,
         seen_ns=seen_ns,
         doings=(Doing(TICK_NS, behaviour, activity),),
     )

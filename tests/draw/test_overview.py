@@ -43,8 +43,8 @@ def _life(
 ) -> Life:
     row = CatalogueRow(0, f"{name}_a", name, (0.6, 0.9, 1.8), (0.0, 0.0, 0.9), Shape.WALL)
     track = Track(np.array([10**9]), np.array([(x_m, y_m, 0.4)]))
-    seen = (3, 10**9, 2 * 10**9) if perceived else (0, None, None)
-    return Life(artefact_id, row, 10**9, None, "", track, *seen)
+    seen_ns = np.array([10**9, 2 * 10**9] if perceived else [], dtype=np.int64)
+    return Life(artefact_id, row, 10**9, None, "", track, seen_ns)
 
 
 def _record(

@@ -26,6 +26,7 @@ from are_ros.draw.viewer import (
     write_view,
 )
 from are_ros.errors import BagError
+from are_ros.parameters.model import Parameters
 from are_ros.population.artefact import GroundPose
 from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.population.meshes.shapes import Shape
@@ -79,8 +80,7 @@ def tick(number: int) -> Moment:
 
 def ticks(count: int = TICKS) -> SceneRecord:
     """Return the record of so many ticks."""
-    no_rows, footprint = Catalogue(()), Footprint(np.zeros((1, 2)), 0.3)
-    recorder = SceneRecorder(no_rows, seed=1, max_range_m=10.0, footprint=footprint)
+    recorder = SceneRecorder(Parameters(), Catalogue(()))
     view = PinholeView.from_field_of_view(64, 48, math.radians(80.0))
     camera = Camera(view, "", RigidTransform.identity())
     for number in range(count):

@@ -14,18 +14,18 @@ from are_ros.bag.types import RosbagsFactory, jazzy_typestore
 from are_ros.builder.scene import Scene
 from are_ros.messages import artefacts as artefact_encoding
 from are_ros.messages.artefacts import ArtefactEncoder
-from are_ros.messages.common import (
+from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
+from are_ros.population.catalogue import CatalogueRow
+from are_ros.population.meshes.shapes import Shape
+from bags.simulation.making import (
     make_header,
     make_point,
     make_pose,
     make_quaternion,
     make_time,
+    make_twist,
     make_vector,
 )
-from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
-from are_ros.population.catalogue import CatalogueRow
-from are_ros.population.meshes.shapes import Shape
-from bags.simulation.making import make_twist
 
 ARRAY = "are_msgs/msg/ArtefactArray"
 ROW = CatalogueRow(

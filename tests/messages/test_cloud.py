@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import InputError
-from are_ros.messages.maps import make_cloud, read_points
+from are_ros.messages.maps import read_points
 from are_ros.messages.sensors import encode_cloud, read_cloud
+from bags.simulation.making import make_cloud
 
 FACTORY = RosbagsFactory()
 

@@ -8,7 +8,6 @@ import pytest
 
 from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import InputError
-from are_ros.messages.common import make_header, make_pose
 from are_ros.messages.goals import (
     StampedPoints,
     read_clicked_point,
@@ -16,7 +15,7 @@ from are_ros.messages.goals import (
     read_stamped_pose,
 )
 from are_ros.world.rigid_transform import RigidTransform
-from bags.simulation.making import make_clicked_point, make_path
+from bags.simulation.making import make_clicked_point, make_header, make_path, make_pose
 
 
 @pytest.mark.parametrize("count", [0, 1, 3])

@@ -6,7 +6,8 @@ import pytest
 
 from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import InputError
-from are_ros.messages.common import make_header, read_header
+from are_ros.messages.common import read_header
+from bags.simulation.making import make_header
 
 
 def test_a_header_comes_back(factory: RosbagsFactory) -> None:

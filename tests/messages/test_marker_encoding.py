@@ -22,8 +22,8 @@ from are_ros.builder.markers import (
 )
 from are_ros.errors import InputError
 from are_ros.messages import markers as marker_encoding
-from are_ros.messages.common import make_header, make_point, make_quaternion, make_vector
 from are_ros.messages.markers import MarkerEncoder
+from bags.simulation.making import make_header, make_point, make_quaternion, make_vector
 
 ARRAY = "visualization_msgs/msg/MarkerArray"
 NOW_NS = 1_700_000_000_123_456_789

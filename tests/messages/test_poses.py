@@ -7,8 +7,9 @@ import pytest
 
 from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import InputError
-from are_ros.messages.common import make_pose, read_pose
+from are_ros.messages.common import read_pose
 from are_ros.world.rigid_transform import RigidTransform
+from bags.simulation.making import make_pose
 
 
 def test_a_pose_comes_back(factory: RosbagsFactory) -> None:

@@ -22,9 +22,8 @@ from are_ros.messages.artefacts import (
     encode_perceived,
     encode_predicted,
 )
-from are_ros.messages.common import make_header, make_pose, make_time, make_vector
 from are_ros.world.rigid_transform import RigidTransform
-from bags.simulation.making import make_twist
+from bags.simulation.making import make_header, make_pose, make_time, make_twist, make_vector
 
 Wire = Callable[[Any], bytes]
 Readings = Callable[[bytes, str], tuple[Any, Any]]

@@ -4,11 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from are_ros.bag.types import RosbagsFactory, jazzy_typestore
-from are_ros.messages.transforms import (
-    StampedTransform,
-    decode_transforms_cdr,
-    make_transforms,
-)
+from are_ros.messages.transforms import StampedTransform, decode_transforms_cdr
+from bags.simulation.making import make_transforms
 
 TYPE = "tf2_msgs/msg/TFMessage"
 FACTORY = RosbagsFactory()

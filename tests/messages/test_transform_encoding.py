@@ -12,8 +12,8 @@ from are_ros.messages.transforms import (
     StampedTransform,
     decode_transforms_cdr,
     encode_transforms_cdr,
-    make_transforms,
 )
+from bags.simulation.making import make_transforms
 
 NAME = "tf2_msgs/msg/TFMessage"
 NUMBERS = st.floats(allow_nan=False)

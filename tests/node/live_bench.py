@@ -12,11 +12,11 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
-from are_ros.messages.common import make_time
 from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.node.ar_builder_node import ArBuilderNode
 from are_ros.node.message_classes import message_class, service_class
 from are_ros.node.qos import INPUTS, input_qos, input_type, output_qos
+from bags.simulation.making import make_time
 from tests.node.live_scene import FACTORY, ns
 from tests.ros import WAIT_S, RosWorld, running_s, wait_until
 

@@ -9,20 +9,23 @@ import numpy as np
 
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.conventions import NS_PER_S
-from are_ros.messages.common import make_header, make_pose
 from are_ros.messages.goals import StampedPoints
-from are_ros.messages.maps import make_cloud, make_grid
-from are_ros.messages.transforms import StampedTransform, make_transforms
-from are_ros.node.message_classes import RclpyFactory
+from are_ros.messages.transforms import StampedTransform
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 from bags.simulation.making import (
     OdometryReading,
     make_clicked_point,
+    make_cloud,
+    make_grid,
+    make_header,
     make_odometry,
     make_path,
+    make_pose,
     make_scan,
+    make_transforms,
 )
+from tests.node.rclpy_factory import RclpyFactory
 
 FACTORY: Final = RclpyFactory()
 SIDE: Final = 40

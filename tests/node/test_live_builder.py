@@ -17,8 +17,6 @@ from are_ros.agents.events import EventKind
 from are_ros.builder.assembly import catalogue_of
 from are_ros.builder.sensors.sensor_path import SensorPathCounts
 from are_ros.builder.spawning.requests import SpawnRequest
-from are_ros.messages.common import make_header
-from are_ros.messages.maps import make_cloud
 from are_ros.messages.tick_encoding import ALL_OUTPUTS, OCTOMAP, OUTPUTS
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.message_classes import message_class
@@ -28,6 +26,7 @@ from are_ros.node.watches import CallbackTimer
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.world.rigid_transform import RigidTransform
+from bags.simulation.making import make_cloud, make_header
 from tests.node.live_bench import DELETE_ALL
 from tests.node.live_scene import (
     FACTORY,

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from are_ros.messages.common import make_time
 from are_ros.messages.maps import read_points
+from bags.simulation.making import make_time
 from tests.ros import NOT_SET_UP
 
 pytest.importorskip("rclpy", reason=NOT_SET_UP)

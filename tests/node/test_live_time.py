@@ -17,7 +17,7 @@ from rosgraph_msgs.msg import Clock
 
 from are_ros.builder.sensors.sensor_path import SensorPathCounts
 from are_ros.conventions import NS_PER_S
-from are_ros.messages.common import make_time
+from bags.simulation.making import make_time
 from tests.node.live_bench import DELETE_ALL, PERIOD_NS, Bench, stamp_ns
 from tests.node.live_scene import FACTORY, laser_mount, ns, pose_at, robot_at, room, scan
 

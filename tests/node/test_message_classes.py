@@ -11,9 +11,10 @@ pytest.importorskip("rclpy", reason=NOT_SET_UP)
 
 from are_ros.bag.types import RosbagsFactory, jazzy_typestore, message_texts
 from are_ros.errors import NodeError
-from are_ros.messages.common import make_header
-from are_ros.node.message_classes import RclpyFactory, message_class, service_class
+from are_ros.node.message_classes import message_class, service_class
 from are_ros.node.qos import INPUTS
+from bags.simulation.making import make_header
+from tests.node.rclpy_factory import RclpyFactory
 
 
 @pytest.mark.parametrize(

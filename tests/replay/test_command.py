@@ -17,7 +17,7 @@ from are_ros.builder.sensors.sensor_path import SensorPathCounts
 from are_ros.builder.tick import Demand
 from are_ros.errors import ParameterError
 from are_ros.messages.feed import Refusals
-from are_ros.messages.transforms import StampedTransform, make_transforms
+from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import write_ros_parameters
 from are_ros.replay.command import (
@@ -28,6 +28,7 @@ from are_ros.replay.command import (
     refused_by_script,
 )
 from are_ros.replay.timeline import ReplayOptions
+from bags.simulation.making import make_transforms
 
 WriteBag = Callable[[Path, Sequence[tuple[str, int, Any]]], Path]
 RunAre = Callable[..., CompletedProcess[str]]

@@ -18,10 +18,11 @@ from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import catalogue_of
 from are_ros.errors import InputError, InvalidTransformError
 from are_ros.messages.feed import Feed, Refusals
-from are_ros.messages.transforms import StampedTransform, make_transforms
+from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.world.transforms.tree import FrameTree
+from bags.simulation.making import make_transforms
 
 Records = Sequence[tuple[str, int, Any]]
 WriteBag = Callable[[Path, Records], Path]

@@ -31,7 +31,7 @@ ROLES = {
 def copied(source: Path, target: Path) -> list[tuple[str, int, bytes]]:
     """Copy a recording, each message as received 3 ns after it was recorded."""
     with BagReader([source]) as reader, BagWriter(target) as writer:
-        copy = InputCopy(reader, writer, RosbagsFactory(), ROLES)
+        copy = InputCopy(reader, writer, ROLES)
         for message in reader.messages():
             copy.take_input(message, message.log_time_ns + 3)
     with BagReader([target]) as reader:
@@ -87,7 +87,7 @@ def test_what_came_by_option_is_written_once(
     grid = OccupancyGrid(np.array([[0, 100]], np.int8), 0.5, RigidTransform.identity(), "earth")
     edge = StampedTransform("earth", "odom", 9, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     with BagReader([source]) as reader, BagWriter(tmp_path / "copy.mcap") as writer:
-        copy = InputCopy(reader, writer, factory, {"/odom": "odom"})
+        copy = InputCopy(reader, writer, {"/odom": "odom"})
         copy.write_map("/map", grid, 9)
         copy.write_static([edge], 9)
     with BagReader([tmp_path / "copy.mcap"]) as reader:
@@ -100,15 +100,13 @@ def test_what_came_by_option_is_written_once(
     assert (written.header.frame_id, written.child_frame_id) == ("earth", "odom")
 
 
-def test_ros1_fields_find_their_ros2_names(
-    factory: RosbagsFactory, ros1_factory: RosbagsFactory
-) -> None:
+def test_ros1_fields_find_their_ros2_names(ros1_factory: RosbagsFactory) -> None:
     """CameraInfo's upper-case fields are folded, seq is dropped, what is new has its default."""
     numbers = np.arange(9, dtype=np.float64)
     header = ros1_factory.make("std_msgs/msg/Header", seq=7, frame_id="eye")
     info = ros1_factory.make("sensor_msgs/msg/CameraInfo", header=header, width=4, K=numbers)
-    made = converted(factory, info, "sensor_msgs/msg/CameraInfo")
+    made = converted(info, "sensor_msgs/msg/CameraInfo")
     assert (made.header.frame_id, made.width, made.k.tolist()) == ("eye", 4, numbers.tolist())
     assert not hasattr(made.header, "seq")
     path = ros1_factory.make("nav_msgs/msg/Path", poses=[])
-    assert converted(factory, path, "nav_msgs/msg/Path").poses == []
+    assert converted(path, "nav_msgs/msg/Path").poses == []

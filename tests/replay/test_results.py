@@ -34,11 +34,10 @@ def _empty_track(width: int) -> Track:
 
 def _record(ticks: int = 3) -> SceneRecord:
     """Return two lives, one of them perceived; one artefact was blocked."""
+    seen_ns, never = np.array([START_NS, START_NS]), np.zeros(0, dtype=np.int64)
     lives = (
-        Life(
-            1, PERSON, START_NS, START_NS + S, "life_over", _empty_track(3), 2, START_NS, START_NS
-        ),
-        Life(2, CAR, START_NS + S // 2, None, "", _empty_track(3), 0, None, None),
+        Life(1, PERSON, START_NS, START_NS + S, "life_over", _empty_track(3), seen_ns),
+        Life(2, CAR, START_NS + S // 2, None, "", _empty_track(3), never),
     )
     events = (
         ArtefactEvent(START_NS + S, EventKind.DEPARTED, 1, "tall", "life_over"),

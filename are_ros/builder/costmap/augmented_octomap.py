@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from are_ros._compiled import compiled
 from are_ros.builder.costmap.augmented_map import RateLimit
 from are_ros.builder.occlusion.meshes import MeshPool
-from are_ros.builder.sensors.point_cloud import CloudField, PointCloud
+from are_ros.builder.sensors.point_cloud import PointCloud
 from are_ros.world.boxes import TOUCH_TOLERANCE_M
 from are_ros.world.rigid_transform import cosine_and_sine
 from are_ros.world.voxel_map import VoxelMap
@@ -22,8 +22,6 @@ from are_ros.world.voxel_map import VoxelMap
 _Floats = NDArray[np.float64]
 _Voxels = NDArray[np.int64]
 
-_FIELDS: Final = tuple(CloudField(axis, 4 * k, 7) for k, axis in enumerate("xyz"))
-_POINT_STEP: Final = 12
 _BITS: Final = 21
 _HALF: Final = 1 << (_BITS - 1)
 """Indices of voxels are packed into one number: they lie within this of 0, see `VoxelMap`."""
@@ -106,8 +104,7 @@ class AugmentedOctomap:
             return None
         self.is_shown = bool(len(added))
         centres = np.concatenate((self._real, _centres_m(added, voxels)))
-        data = centres.view(np.uint8).reshape(1, -1)
-        return PointCloud(frame_id, now_ns, _FIELDS, False, True, len(centres), _POINT_STEP, data)
+        return PointCloud.of_points(frame_id, now_ns, centres)
 
     def _part(
         self, solid: Solid, pool: MeshPool, voxels: VoxelMap

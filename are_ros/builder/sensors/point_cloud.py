@@ -78,6 +78,15 @@ class PointCloud:
         object.__setattr__(self, "data", data)
 
     @classmethod
+    def of_points(
+        cls, frame_id: str, stamp_ns: int, points_m: npt.NDArray[np.floating]
+    ) -> "PointCloud":
+        """Return the unorganised cloud of finite points (N, 3) [m], as x, y, z float32."""
+        data = np.ascontiguousarray(points_m, dtype="<f4").view(np.uint8).reshape(1, -1)
+        fields = tuple(CloudField(axis, 4 * k, 7) for k, axis in enumerate("xyz"))
+        return cls(frame_id, stamp_ns, fields, False, True, len(points_m), 12, data)
+
+    @classmethod
     def checked(
         cls,
         data: npt.NDArray[np.uint8],

@@ -6,6 +6,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
 
 Floats = NDArray[np.float64]
 
@@ -214,28 +215,12 @@ def _composed(
 
 
 def _pose(numbers: tuple[float, ...]) -> Pose:
-    x, y, z, w = np.array(numbers[3:]) / np.linalg.norm(numbers[3:])
-    rotation = np.array(
-        (
-            (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
-            (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
-            (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
-        )
-    )
-    return Pose(rotation, np.array(numbers[:3]))
+    return Pose(Rotation.from_quat(numbers[3:]).as_matrix(), np.array(numbers[:3]))
 
 
 def _between(a: tuple[float, ...], b: tuple[float, ...], share: float) -> tuple[float, ...]:
     """Interpolate: translation linearly, rotation on the shorter arc."""
     first, second = np.array(a), np.array(b)
-    q, r = (v[3:] / np.linalg.norm(v[3:]) for v in (first, second))
-    cosine = float(q @ r)
-    if cosine < 0.0:
-        r, cosine = -r, -cosine
-    angle = float(np.arccos(min(cosine, 1.0)))
-    if angle < 1e-9:
-        turn = q + share * (r - q)
-    else:
-        turn = (np.sin((1 - share) * angle) * q + np.sin(share * angle) * r) / np.sin(angle)
+    turn = Slerp((0.0, 1.0), Rotation.from_quat((a[3:], b[3:])))(share).as_quat()
     place = first[:3] + share * (second[:3] - first[:3])
     return tuple(np.concatenate((place, turn)).tolist())

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from are_ros.checks.oracle.plane import TOUCHING_M, Boxes, rectangle_depths_m, slab
+from are_ros.checks.oracle.plane import TOUCHING_M, Boxes, in_box, rectangle_depths_m, slab
 
 Floats = NDArray[np.float64]
 Cells = NDArray[np.int64]
@@ -255,11 +255,7 @@ class Walls:
 
     def _lattice(self, points_m: Floats) -> Floats:
         """Return points (K, 3) in edges of a cuboid from the corner of the lattice."""
-        apart = points_m - self.corner_m
-        cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
-        x, y = cos * apart[:, 0] + sin * apart[:, 1], cos * apart[:, 1] - sin * apart[:, 0]
-        places: Floats = np.column_stack((x, y, apart[:, 2])) / self.size_m
-        return places
+        return in_box(points_m - self.corner_m, self.yaw_rad) / self.size_m
 
     @cached_property
     def _known(self) -> Cells:

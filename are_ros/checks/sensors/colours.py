@@ -6,16 +6,15 @@ Shares no code with what it judges: numpy, and OpenCV and Pillow for compressed 
 import io
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from are_ros.bag.decoded import time_ns
-from are_ros.bag.recording import PREFIX
 from are_ros.checks.sensors.depth_images import info_topic, name_parts
-from are_ros.checks.sensors.scan_pairs import Kept
+from are_ros.checks.sensors.scan_pairs import Kept, Pairs, Released
 
 Bools = NDArray[np.bool_]
 
@@ -102,14 +101,10 @@ def change_of(real: ColourFrame, output: ColourFrame) -> Change:
         return Change("", none, none)
     if output.spread_px:
         apart = np.abs(output.pixels.astype(np.int16) - _compressed_as(output, real))
-        return Change("", _in_any_channel(apart > _JPEG_STEPS), none)
-    is_changed = _in_any_channel(output.pixels != real.pixels)
+        return Change("", np.any(apart > _JPEG_STEPS, axis=2), none)
+    is_changed = np.any(output.pixels != real.pixels, axis=2)
     fault = "" if is_changed.any() else "has other bytes than its input, though nothing is painted"
-    return Change(fault, is_changed, _in_any_channel(output.pixels > real.pixels))
-
-
-def _in_any_channel(condition: Bools) -> Bools:
-    return np.asarray(condition.any(axis=2))
+    return Change(fault, is_changed, np.any(output.pixels > real.pixels, axis=2))
 
 
 def _compressed_as(output: ColourFrame, real: ColourFrame) -> NDArray[np.int16]:
@@ -129,13 +124,9 @@ def _compressed_as(output: ColourFrame, real: ColourFrame) -> NDArray[np.int16]:
 
 
 @dataclass(frozen=True, eq=False)
-class Painted:
+class Painted(Released):
     """A changed image, with the CameraInfo that was known then, None if there was none."""
 
-    topic: str
-    stamp_ns: int
-    released_ns: int
-    frame_id: str
     change: Change
     spread_px: int
     info: Any
@@ -187,39 +178,27 @@ def _regions(ids: NDArray[np.int32]) -> dict[int, Region]:
     return found
 
 
-_Waiting = dict[tuple[int, str], list[tuple[str, ColourFrame]]]
-
-
-@dataclass(eq=False)
-class ImagePairs:
-    """Finds the input of each painted image by stamp and frame, whichever comes first.
+class ImagePairs(Pairs):
+    """The painted images beside their inputs.
 
     `masks`, `truths` and `boxes` are what was told of images, by the image's topic and stamp.
     `faults` are those of images that need no geometry, `changed` some of the changed ones.
     """
 
-    pairs: int = 0
-    unchanged: int = 0
-    faults: list[tuple[str, int, str]] = field(default_factory=list)
-    changed: Kept[Painted] = field(default_factory=lambda: Kept[Painted](_MOST_IMAGES))
-    unpainted: set[tuple[str, int]] = field(default_factory=set)
-    masks: dict[tuple[str, int], Mask] = field(default_factory=dict)
-    truths: dict[tuple[str, int], Any] = field(default_factory=dict)
-    boxes: dict[tuple[str, int], Any] = field(default_factory=dict)
-    inputs: set[str] = field(default_factory=set)
-    _inputs: _Waiting = field(default_factory=dict)
-    _outputs: _Waiting = field(default_factory=dict)
+    def __init__(self) -> None:
+        super().__init__()
+        self.unchanged = 0
+        self.faults: list[tuple[str, int, str]] = []
+        self.changed = Kept[Painted](_MOST_IMAGES)
+        self.unpainted: set[tuple[str, int]] = set()
+        self.masks: dict[tuple[str, int], Mask] = {}
+        self.truths: dict[tuple[str, int], Any] = {}
+        self.boxes: dict[tuple[str, int], Any] = {}
 
     def add(self, topic: str, frame: ColourFrame, infos: Mapping[str, Any]) -> None:
         """Take an image of any topic; `infos` are the last CameraInfos by topic."""
-        key = frame.stamp_ns, frame.frame_id
-        waiting = self._outputs if topic.startswith(PREFIX) else self._inputs
-        if not topic.startswith(PREFIX):
-            self.inputs.add(topic)
-        waiting.setdefault(key, []).append((topic, frame))
-        while len(self._inputs) > _MOST_WAITING:  # the node does not paint on this camera's
-            del self._inputs[next(iter(self._inputs))]
-        self._match(key, infos)
+        for pair in self.matched(topic, frame, _MOST_WAITING):
+            self._compare(*pair, infos)
 
     def add_told(self, topic: str, message: Any) -> None:
         """Take what was told of an image beside it: a mask, ImageTruth or Detection2DArray."""
@@ -232,24 +211,6 @@ class ImagePairs:
         else:
             self.boxes[key] = message
 
-    def unmatched(self) -> list[tuple[str, int]]:
-        """Return topic and stamp of the painted images that have no input."""
-        return [(topic, key[0]) for key, all_ in self._outputs.items() for topic, _ in all_]
-
-    def _match(self, key: tuple[int, str], infos: Mapping[str, Any]) -> None:
-        inputs, outputs = self._inputs.get(key, []), self._outputs.get(key, [])
-        for output in list(outputs):
-            name = output[0].removeprefix(PREFIX)
-            own = [one for one in inputs if one[0].lstrip("/") == name]
-            source = next(iter(own or (inputs if len(self.inputs) == 1 else ())), None)
-            if source is not None:
-                inputs.remove(source)
-                outputs.remove(output)
-                self._compare(*source, *output, infos)
-        for waiting in (self._inputs, self._outputs):
-            if key in waiting and not waiting[key]:
-                del waiting[key]
-
     def _compare(
         self,
         source: str,
@@ -258,7 +219,6 @@ class ImagePairs:
         output: ColourFrame,
         infos: Mapping[str, Any],
     ) -> None:
-        self.pairs += 1
         change = change_of(real, output)
         if change.fault:
             self.faults.append((topic, output.stamp_ns, change.fault))

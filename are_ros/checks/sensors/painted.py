@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from are_ros.bag.decoded import Scene, Sighting
+from are_ros.bag.decoded import Scene
 from are_ros.checks.oracle.frames import Pose
+from are_ros.checks.oracle.plane import slab
 from are_ros.checks.record import Record
 from are_ros.checks.result import CheckResult, Tally, at_s, skipped
 from are_ros.checks.sensors.colours import Bools, Mask, Painted
@@ -37,7 +38,7 @@ def check_images(record: Record) -> CheckResult:
     are looked at, spread evenly.
     """
     tally, images = Tally(_NAME, "image"), record.paintings
-    if not images.inputs:
+    if not images.input_topics:
         reason = "the recording holds no image that came in"
         return skipped(_NAME, reason, needs_inputs=record.lacks_inputs)
     tally.look(images.pairs)
@@ -66,22 +67,21 @@ def _check_painted(tally: Tally, record: Record, places: BoxPositions, image: Pa
     if image.info is None:
         tally.fail(f"{where} was changed, and no CameraInfo had come beside its input")
         return
-    found, boxes = (
-        sensor_pose(record, record.settings.frames, image),
-        places.at(seen_ns(record, image)),
-    )
+    found, boxes = sensor_pose(record, image), places.at(seen_ns(record, image))
     if found is None or boxes is None:
         what = "the camera was" if found is None else "all artefacts were"
         tally.leave_out("changed image", f"for which it is not known where {what} at the stamp")
         return
     try:
-        rays = record.scans.rays(image)
+        rays = record.scans.rays(image.info, rectified=image.is_rectified)
     except ValueError as error:
         tally.leave_out("changed image", f"with a lens that is not known ({error})")
         return
     pose, slack_m = found
     view = _View(rays, pose, boxes, slack_m)
-    margin_px = _blur_px(record) + image.spread_px
+    # Blur spreads what is painted; that of shadows is a pixel at least.
+    blur_px = math.ceil(4.0 * max(1.0, record.settings.rendering.blur)) + 1
+    margin_px = blur_px + image.spread_px
     bodies = _grown(view.bodies(), margin_px)
     floor = _grown(view.shadows(), margin_px)
     change = image.change
@@ -152,16 +152,9 @@ class _View:
         turn = np.array(((cos, -sin, 0.0), (sin, cos, 0.0), (0.0, 0.0, 1.0)))
         which = self._towards(box.centre_m, float(np.linalg.norm(half_m)))
         ways, here = self._ways[which] @ turn, (self._camera_m - box.centre_m) @ turn
-        with np.errstate(divide="ignore", invalid="ignore"):
-            first, second = (-half_m - here) / ways, (half_m - here) / ways
-        # Along a side that a ray is parallel to: always within, or never.
-        within = np.abs(here) <= half_m
-        first = np.where(ways == 0.0, np.where(within, -np.inf, np.inf), first)
-        second = np.where(ways == 0.0, np.where(within, np.inf, -np.inf), second)
-        enters = np.minimum(first, second).max(axis=1)
-        leaves = np.maximum(first, second).min(axis=1)
+        enters, leaves = slab(here, ways, -half_m, half_m)
         met: Bools = np.zeros(self.is_known.shape, np.bool_)
-        met[which] = leaves >= np.maximum(enters, 0.0)
+        met[which] = leaves.min(axis=1) >= np.maximum(enters.max(axis=1), 0.0)
         return np.asarray(met & self.is_known)
 
     def _towards(self, centre_m: Floats, radius_m: float) -> Bools:
@@ -185,11 +178,6 @@ def _grown(pixels: Bools, margin_px: int) -> Bools:
     size = 2 * margin_px + 1
     down = binary_dilation(pixels, np.ones((size, 1), np.bool_))
     return np.asarray(binary_dilation(down, np.ones((1, size), np.bool_)))
-
-
-def _blur_px(record: Record) -> int:
-    """Return how far blur spreads what is painted; that of shadows is a pixel at least."""
-    return math.ceil(4.0 * max(1.0, record.settings.rendering.blur)) + 1
 
 
 def _size(mask: Mask) -> int:
@@ -274,18 +262,13 @@ def _beside_lists(
     Boxes without such a list are left out.
     """
     for stamp_ns, boxes in told:
-        if _is_farewell(record, stamp_ns, boxes):
-            continue
+        if not boxes.detections and stamp_ns in record.farewells_ns:
+            continue  # a farewell may have the stamp of the last tick
         if stamp_ns not in lists:
             tally.leave_out("message", f"without its list of the {whose}")
             continue
         tally.look()
         yield f"{at_s(stamp_ns)} the boxes of the {whose}", boxes, lists[stamp_ns]
-
-
-def _is_farewell(record: Record, stamp_ns: int, boxes: Any) -> bool:
-    """Tell whether boxes are those of a farewell, which may have the stamp of the last tick."""
-    return not boxes.detections and stamp_ns in record.farewells_ns
 
 
 def _are_of_scene(boxes: Any, scene: Scene) -> bool:
@@ -316,19 +299,17 @@ def _check_perceived_boxes(tally: Tally, record: Record) -> None:
     lists = {message.stamp_ns: message for message in record.perceived}
     beside = _beside_lists(tally, record, record.perceived_boxes, lists, "perceived")
     for where, boxes, message in beside:
-        wanted = [_hypotheses(one) for one in message.sightings]
+        wanted = [
+            (one.artefact_id, *((name, one.existence * p) for name, p in pairs))
+            for one in message.sightings
+            for pairs in [zip(one.classes, one.probabilities, strict=True)]
+        ]
         found = [
             (int(one.id), *((r.hypothesis.class_id, r.hypothesis.score) for r in one.results))
             for one in boxes.detections
         ]
         is_same = len(found) == len(wanted) and all(map(_are_alike, found, wanted))
         tally.require(is_same, f"{where} are not those of the list")
-
-
-def _hypotheses(one: Sighting) -> tuple[Any, ...]:
-    """Return the id of what is perceived, and its classes with their scores."""
-    pairs = zip(one.classes, one.probabilities, strict=True)
-    return (one.artefact_id, *((name, one.existence * p) for name, p in pairs))
 
 
 def _are_alike(found: tuple[Any, ...], wanted: tuple[Any, ...]) -> bool:

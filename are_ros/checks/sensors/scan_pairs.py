@@ -4,7 +4,7 @@ import math
 from bisect import bisect_left
 from collections import deque
 from dataclasses import dataclass
-from typing import Any, Final, Generic, Protocol, TypeVar
+from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,24 +33,23 @@ _GAP: Final = 1.5
 """In usual distances of scans: farther apart, there was one in between."""
 
 
-class TakenImage(Protocol):
-    """An image with the CameraInfo that was known when it came in."""
-
-    @property
-    def info(self) -> Any:
-        """The CameraInfo."""
-
-    @property
-    def is_rectified(self) -> bool:
-        """Whether the image is rectified."""
-
-
 _Key = tuple[int, str, type]
-_Reading = Scan | SensorCloud | DepthFrame
+_Pair = tuple[str, Any, str, Any]
+"""Topic and reading of an input, and of the output that was made of it."""
 
 
 @dataclass(frozen=True, eq=False)
-class ChangedScan:
+class Released:
+    """An augmented reading: its topic and frame, its stamp, and when it went out [ns]."""
+
+    topic: str
+    stamp_ns: int
+    released_ns: int
+    frame_id: str
+
+
+@dataclass(frozen=True, eq=False)
+class ChangedScan(Released):
     """An augmented scan that differs from its input, or that is at fault without geometry.
 
     `points_m` (M, K, 3) are where the M changed beams may end, in the sensor's frame: one place for
@@ -59,10 +58,6 @@ class ChangedScan:
     laser that had no return before.
     """
 
-    topic: str
-    stamp_ns: int
-    released_ns: int
-    frame_id: str
     points_m: NDArray[np.float64]
     too_close: NDArray[np.bool_]
     unreturned: NDArray[np.bool_]
@@ -90,51 +85,83 @@ class Kept(Generic[_Kind]):
         self._seen += 1
 
 
-class ScanPairs:
-    """Finds the input of each augmented scan by stamp and frame, whichever comes first."""
+class Pairs:
+    """Finds the input of each augmented reading by stamp, frame and kind, whichever comes first."""
 
     def __init__(self) -> None:
+        self.pairs = 0
+        self.input_topics: dict[str, type] = {}
+        self._inputs: dict[_Key, list[tuple[str, Any]]] = {}
+        self._outputs: dict[_Key, list[tuple[str, Any]]] = {}
+
+    def unmatched(self) -> list[tuple[str, int]]:
+        """Return topic and stamp of the augmented readings that have no input."""
+        return [(topic, key[0]) for key, all_ in self._outputs.items() for topic, _ in all_]
+
+    def matched(self, topic: str, reading: Any, most_waiting: int) -> list[_Pair]:
+        """Take a reading, and return the pairs that it completes; the oldest inputs are dropped."""
+        key = (reading.stamp_ns, reading.frame_id, type(reading))
+        if topic.startswith(PREFIX):
+            self._outputs.setdefault(key, []).append((topic, reading))
+        else:
+            self.input_topics[topic] = type(reading)
+            self._inputs.setdefault(key, []).append((topic, reading))
+            while len(self._inputs) > most_waiting:  # the node does not augment this sensor
+                del self._inputs[next(iter(self._inputs))]
+        inputs, outputs = self._inputs.pop(key, []), self._outputs.pop(key, [])
+        is_only = list(self.input_topics.values()).count(key[2]) == 1
+        found: list[_Pair] = []
+        for output in list(outputs):
+            own = [i for i, each in enumerate(inputs) if _is_of(output[0], each[0])]
+            if own or (inputs and is_only):
+                found.append((*inputs.pop(own[0] if own else 0), *output))
+                outputs.remove(output)
+        if inputs:
+            self._inputs[key] = inputs
+        if outputs:
+            self._outputs[key] = outputs
+        self.pairs += len(found)
+        return found
+
+
+class ScanPairs(Pairs):
+    """The augmented scans, ranges, clouds and images of depths beside their inputs."""
+
+    def __init__(self) -> None:
+        super().__init__()
         self.changed: list[ChangedScan] = []
-        self.pairs = self.clouds = self.depths = self.pixels = 0
+        self.clouds = self.depths = self.pixels = 0
         self.kept_depths = Kept[DepthPair](_MOST_IMAGES)
         self.infos: dict[str, Any] = {}
         """The last CameraInfo by topic; `add_info` takes it."""
         self._rays: deque[tuple[Any, bool, NDArray[np.float64]]] = deque(maxlen=_MOST_LENSES)
-        self.input_topics: dict[str, type] = {}
         self._input_stamps: dict[str, list[int]] = {}
-        self._inputs: dict[_Key, list[tuple[str, _Reading]]] = {}
-        self._outputs: dict[_Key, list[tuple[str, _Reading]]] = {}
 
     def add_info(self, topic: str, message: Any) -> None:
         """Take a CameraInfo; those beside images belong to the ones that come after."""
         self.infos[topic] = message
 
-    def rays(self, pair: TakenImage) -> NDArray[np.float64]:
-        """Return the rays (H, W, 3) of an image; ValueError for a lens that is not known."""
-        for info, is_rectified, rays in self._rays:
-            if is_rectified == pair.is_rectified and _are_alike(info, pair.info):
+    def rays(self, info: Any, *, rectified: bool) -> NDArray[np.float64]:
+        """Return the rays (H, W, 3) of images of a CameraInfo; ValueError for an unknown lens."""
+        for known, is_rectified, rays in self._rays:
+            if is_rectified == rectified and _are_alike(known, info):
                 return rays
-        rays = rays_of(pair.info, rectified=pair.is_rectified)
-        self._rays.append((pair.info, pair.is_rectified, rays))
+        rays = rays_of(info, rectified=rectified)
+        self._rays.append((info, rectified, rays))
         return rays
 
-    def add(self, topic: str, scan: _Reading) -> None:
+    def add(self, topic: str, scan: Scan | SensorCloud | DepthFrame) -> None:
         """Take a scan, a range, a cloud or an image of depths of any topic."""
-        key = (scan.stamp_ns, scan.frame_id, type(scan))
-        if topic.startswith(PREFIX):
-            self._outputs.setdefault(key, []).append((topic, scan))
-        else:
-            self.input_topics[topic] = type(scan)
+        if not topic.startswith(PREFIX):
             self._input_stamps.setdefault(topic, []).append(scan.stamp_ns)
-            self._inputs.setdefault(key, []).append((topic, scan))
-            most = _MOST_WAITING if isinstance(scan, Scan) else _MOST_CLOUDS
-            while len(self._inputs) > most:  # the node does not augment this sensor
-                del self._inputs[next(iter(self._inputs))]
-        self._match(key)
-
-    def unmatched(self) -> list[tuple[str, int]]:
-        """Return topic and stamp of the augmented scans that have no input."""
-        return [(topic, key[0]) for key, all_ in self._outputs.items() for topic, _ in all_]
+        most = _MOST_WAITING if isinstance(scan, Scan) else _MOST_CLOUDS
+        for source, real, name, output in self.matched(topic, scan, most):
+            if isinstance(real, Scan):
+                self._compare_scans(real, name, output)
+            elif isinstance(real, SensorCloud):
+                self._compare_clouds(real, name, output)
+            else:
+                self._compare_depths(source, real, name, output)
 
     def may_be_lost(self, output: str, stamp_ns: int) -> bool:
         """Tell whether the input of an augmented scan may be missing in the recording.
@@ -151,30 +178,6 @@ class ScanPairs:
         usual_ns = float(np.median(np.diff(stamps)))
         return stamps[place] - stamps[place - 1] > _GAP * usual_ns
 
-    def _match(self, key: _Key) -> None:
-        inputs, outputs = self._inputs.get(key, []), self._outputs.get(key, [])
-        is_only = list(self.input_topics.values()).count(key[2]) == 1
-        for output in list(outputs):
-            found = next((i for i, each in enumerate(inputs) if _is_of(output[0], each[0])), None)
-            if found is None and inputs and is_only:
-                found = 0
-            if found is not None:
-                self._compare(*inputs.pop(found), *output)
-                outputs.remove(output)
-        if not outputs:
-            self._outputs.pop(key, None)
-        if not inputs:
-            self._inputs.pop(key, None)
-
-    def _compare(self, source: str, real: _Reading, topic: str, output: _Reading) -> None:
-        self.pairs += 1
-        if isinstance(real, Scan) and isinstance(output, Scan):
-            self._compare_scans(real, topic, output)
-        elif isinstance(real, SensorCloud) and isinstance(output, SensorCloud):
-            self._compare_clouds(real, topic, output)
-        elif isinstance(real, DepthFrame) and isinstance(output, DepthFrame):
-            self._compare_depths(source, real, topic, output)
-
     def _compare_depths(
         self, source: str, real: DepthFrame, topic: str, output: DepthFrame
     ) -> None:
@@ -184,8 +187,7 @@ class ScanPairs:
         info = self.infos.get(info_topic(source))
         if info is not None:
             is_rectified = "rect" in name_parts(source)[1]
-            pair = DepthPair(topic, real, output, info, is_rectified)
-            self.kept_depths.add(pair)
+            self.kept_depths.add(DepthPair(topic, real, output, info, is_rectified))
             if not _are_alike(info, self.infos.get(info_topic(topic))):
                 fault = fault or "has a CameraInfo beside it that is not its input's"
         elif len(which):
@@ -200,7 +202,7 @@ class ScanPairs:
             too_close = ~np.isfinite(depths_m)
             depths_m[too_close] = _TOO_NEAR_M
             depths_m = depths_m - output.half_steps_m(depths_m)
-            rays = self.rays(pair).reshape(-1, 3)[which]
+            rays = self.rays(info, rectified=is_rectified).reshape(-1, 3)[which]
             points_m = (rays * depths_m[:, None])[:, None]
         when = output.stamp_ns, output.at_ns, output.frame_id
         self.changed.append(ChangedScan(topic, *when, points_m, too_close, unreturned, 0.0, fault))
@@ -233,17 +235,8 @@ class ScanPairs:
             points = ranges[:, None, None] * _cone(cone_rad)
             unreturned = np.zeros(len(which), np.bool_)
             spacing_m = _CONE_STEP_RAD * float(ranges.max(initial=0.0))
-        changed = ChangedScan(
-            topic,
-            output.stamp_ns,
-            output.at_ns,
-            output.frame_id,
-            points,
-            too_close,
-            unreturned,
-            spacing_m,
-            fault,
-        )
+        when = output.stamp_ns, output.at_ns, output.frame_id
+        changed = ChangedScan(topic, *when, points, too_close, unreturned, spacing_m, fault)
         self.changed.append(changed)
 
 

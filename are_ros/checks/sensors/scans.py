@@ -8,7 +8,7 @@ sub-step after a tick and in the last one before the next tick; in between its s
 import math
 from bisect import bisect_right
 from collections import defaultdict
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +20,10 @@ from are_ros.checks.oracle.solids import Cloud, Walls
 from are_ros.checks.record import Record
 from are_ros.checks.result import CheckResult, Tally, at_s, skipped
 from are_ros.checks.sensors.depth_images import box_triangles, compared
-from are_ros.checks.sensors.scan_pairs import ChangedScan
+from are_ros.checks.sensors.scan_pairs import ChangedScan, Released
 from are_ros.checks.ticks import departures_ns
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.parameters.choices import SensorGate, Shape
-from are_ros.parameters.model import FramesParameters
 from are_ros.wording import counted
 
 Floats = NDArray[np.float64]
@@ -128,7 +127,7 @@ class BoxPositions:
         step_ns = self._step_ns
         first_ns = (earlier.stamp_ns // step_ns + 1) * step_ns
         went_s = (min(stamp_ns, first_ns) - earlier.stamp_ns) / NS_PER_S
-        start = _gone(_position(earlier, i), earlier.rates[i], went_s)
+        start = _position(earlier, i) + went_s * np.append(earlier.rates[i], 0.0)
         if stamp_ns <= first_ns:
             return [_box(earlier, i, start, 0.0)]
         speeds = self._fastest[earlier.labels[i]]
@@ -198,11 +197,6 @@ def _turned(offset_m: Floats, yaw_rad: float) -> Floats:
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
     turned: Floats = np.array(((cos, -sin), (sin, cos))) @ offset_m
     return turned
-
-
-def _gone(position: Floats, rates: Floats, seconds: float) -> Floats:
-    """Return the position (4,) after some seconds at rates (x, y, yaw)."""
-    return position + seconds * np.append(rates, 0.0)
 
 
 def _way(start: Floats, end: Floats, share: float) -> Floats:
@@ -284,7 +278,7 @@ def _note_clouds(tally: Tally, record: Record) -> None:
 
 def _check_ends(tally: Tally, record: Record, places: BoxPositions, scan: ChangedScan) -> None:
     """Each changed beam ends at a box, or one is nearer than the laser measures."""
-    found = sensor_pose(record, record.settings.frames, scan)
+    found = sensor_pose(record, scan)
     boxes = places.at(seen_ns(record, scan))
     if found is None or boxes is None:
         what = "the laser was" if found is None else "all artefacts were"
@@ -329,7 +323,7 @@ def check_depths(record: Record) -> CheckResult:
         found = compared(
             pair.real,
             pair.output,
-            record.scans.rays(pair),
+            record.scans.rays(pair.info, rectified=pair.is_rectified),
             pose,
             bodies,
             settings.sensors.depth_range or np.inf,
@@ -384,22 +378,6 @@ def _is_inside(camera: Pose, boxes: list[Box]) -> bool:
 def _sub_step_after(record: Record, time_ns: int) -> int:
     step_ns = seconds_to_ns(record.settings.motion.step)
     return (time_ns // step_ns + 1) * step_ns
-
-
-class Released(Protocol):
-    """An augmented reading: its frame, its stamp, and when it was released [ns]."""
-
-    @property
-    def frame_id(self) -> str:
-        """The sensor's frame."""
-
-    @property
-    def stamp_ns(self) -> int:
-        """The time of measurement."""
-
-    @property
-    def released_ns(self) -> int:
-        """The time at which it went out."""
 
 
 def seen_ns(record: Record, scan: Released) -> int:
@@ -488,11 +466,9 @@ def _is_met(
     return near
 
 
-def sensor_pose(
-    record: Record, settings: FramesParameters, scan: Released
-) -> tuple[Pose, float] | None:
+def sensor_pose(record: Record, scan: Released) -> tuple[Pose, float] | None:
     """Return map_from_sensor as it could be known at the release, and its uncertainty."""
-    frames, stamp_ns = record.frames, scan.stamp_ns
+    frames, settings, stamp_ns = record.frames, record.settings.frames, scan.stamp_ns
     known_ns = EVER if record.is_live else scan.released_ns
     exact = frames.lookup(settings.map, scan.frame_id, stamp_ns, known_ns)
     if exact is not None:  # live, the node may have held map->odom before it was known

@@ -12,7 +12,6 @@ from are_ros.messages.common import read_array, read_header, read_time
 from are_ros.world.cameras import CameraInfo
 
 _SIZE: Final = Struct("<2I")
-_BYTE: Final = Struct("<B")
 
 TRANSPORTS: Final = ("compressed", "compressedDepth", "theora", "zstd", "ffmpeg")
 """Transports of image_transport: a topic's last part is one of these if it is not raw."""
@@ -67,7 +66,7 @@ def encode_image(image: Image) -> bytes:
     writer.header(image.frame_id, image.stamp_ns)
     writer.pack(_SIZE, 4, height, image.width)
     writer.text(image.encoding)
-    writer.pack(_BYTE, 1, image.is_bigendian)
+    writer.byte(image.is_bigendian)
     writer.count(step)
     writer.numbers(image.data.reshape(-1), "u1")
     return writer.message()

@@ -30,6 +30,7 @@ _CAMERA = "camera/camera_info"
 _SENSOR_ROLES = (*SENSORS, _CAMERA)
 _CLOUD = "octomap_point_cloud_centers"
 _GIVEN = "given"
+_NO_MAP = "there is no map: give its file with --map FILE.yaml, or its topic with --topic map:="
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,7 @@ def inspect_bag(
     base_frame = base_frame or base_frame_of(survey.frames(), times.odometry_child)
     sensors = roles.by_topic(_SENSOR_ROLES)
     missing = [
-        *_missing_map(map_topic, has_map_file=has_map_file),
+        *([] if map_topic or has_map_file else [_NO_MAP]),
         *_other_map_frame(map_topic, map_frame, world_frame),
         *survey.refused,
         *_missing_pose(survey, map_frame, base_frame),
@@ -232,11 +233,6 @@ def _survey_odometry(reader: BagReader, topic: str | None, surveyor: FrameSurvey
 
 def _edge(parent: str, child: str, stamp_ns: int) -> StampedTransform:
     return StampedTransform(parent, child, stamp_ns, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-
-
-def _missing_map(map_topic: str | None, *, has_map_file: bool) -> Iterable[str]:
-    if map_topic is None and not has_map_file:
-        yield "there is no map: give its file with --map FILE.yaml, or its topic with --topic map:="
 
 
 def _other_map_frame(map_topic: str | None, map_frame: str, world_frame: str) -> Iterable[str]:

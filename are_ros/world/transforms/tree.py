@@ -45,33 +45,6 @@ class FrameEdge:
     count: int
 
 
-def listed_edges(table: EdgeTable, names: FrameNames) -> list[FrameEdge]:
-    """Return all edges, sorted by parent and child."""
-    edges = [_listed(edge, table, names) for edge in table.edges.values()]
-    return sorted(edges, key=lambda edge: (edge.parent, edge.child))
-
-
-def _listed(edge: Edge, table: EdgeTable, names: FrameNames) -> FrameEdge:
-    first_ns, last_ns = table.stamp_of(edge.first), table.stamp_of(edge.end - 1)
-    parent, child, count = names[edge.parent], names[edge.child], edge.end - edge.first
-    return FrameEdge(parent, child, edge.source, edge.is_static, first_ns, last_ns, count)
-
-
-def lookup_error(status: int, asked: str, table: EdgeTable, names: FrameNames) -> FrameError:
-    """Return the error for a status other than `FOUND`; `asked` opens its sentence."""
-    frame, reason = divmod(status, STATUSES)
-    if reason == LOOP:
-        return DisconnectedFramesError(f"{asked}: the transforms at that time close a loop")
-    if reason not in {PAST, FUTURE}:
-        return DisconnectedFramesError(f"{asked}: no chain of transforms joins these frames")
-    edge = table.edges[frame]
-    name = f"{names[edge.parent]} -> {names[edge.child]}"
-    if reason == FUTURE:
-        return ExtrapolationToFutureError(f"{asked}: {name} ends at {in_seconds(edge.newest_ns)}")
-    begins_ns = table.stamp_of(edge.first)
-    return ExtrapolationToPastError(f"{asked}: {name} begins at {in_seconds(begins_ns)}")
-
-
 def in_seconds(stamp_ns: int) -> str:
     """Return a stamp as text with all its digits."""
     return f"{stamp_ns // NS_PER_S}.{stamp_ns % NS_PER_S:09d} s"
@@ -265,7 +238,20 @@ class FrameTree:
 
     def edges(self) -> list[FrameEdge]:
         """Return the edges that hold now, sorted by parent and child."""
-        return listed_edges(self._table, self._names)
+        names, stamp_of = self._names, self._table.stamp_of
+        listed = [
+            FrameEdge(
+                names[edge.parent],
+                names[edge.child],
+                edge.source,
+                edge.is_static,
+                stamp_of(edge.first),
+                stamp_of(edge.end - 1),
+                edge.end - edge.first,
+            )
+            for edge in self._table.edges.values()
+        ]
+        return sorted(listed, key=lambda edge: (edge.parent, edge.child))
 
     def _receive(self, claim: Claim) -> None:
         """Store a stamped claim that is new in some way: edge, parent, source or order."""
@@ -299,4 +285,15 @@ class FrameTree:
         """Raise the error of a kernel's status."""
         when = "the latest time" if stamp_ns == STATIC else in_seconds(stamp_ns)
         asked = f"{target} from {source} at {when}"
-        raise lookup_error(status, asked, self._table, self._names)
+        frame, reason = divmod(status, STATUSES)
+        if reason == LOOP:
+            raise DisconnectedFramesError(f"{asked}: the transforms at that time close a loop")
+        if reason not in {PAST, FUTURE}:
+            raise DisconnectedFramesError(f"{asked}: no chain of transforms joins these frames")
+        edge = self._table.edges[frame]
+        name = f"{self._names[edge.parent]} -> {self._names[edge.child]}"
+        if reason == FUTURE:
+            end = in_seconds(edge.newest_ns)
+            raise ExtrapolationToFutureError(f"{asked}: {name} ends at {end}")
+        begin = in_seconds(self._table.stamp_of(edge.first))
+        raise ExtrapolationToPastError(f"{asked}: {name} begins at {begin}")

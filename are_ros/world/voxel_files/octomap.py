@@ -143,7 +143,9 @@ def _occupied_leaves(path: Path, data: bytes, header: _Header) -> npt.NDArray[np
     none = np.empty((0, 4), dtype=np.int64)
     if header.node_count == 0:
         return none
-    walk = _full_walk(path, data, header) if header.is_full else _binary_walk(data)
+    walk: _Walk = partial(_walk, np.frombuffer(data, np.uint8))
+    if header.is_full:
+        walk = _full_walk(path, data, header)
     status, nodes, count = walk(none)
     if status == _TRUNCATED:
         raise MapError(f"{path}: the octomap's data are truncated, {len(data)} bytes are too few")
@@ -159,10 +161,6 @@ def _occupied_leaves(path: Path, data: bytes, header: _Header) -> npt.NDArray[np
 
 _Walk = Callable[[npt.NDArray[np.int64]], tuple[int, int, int]]
 """Walks a tree depth first; returns status, nodes and occupied leaves, storing what fits."""
-
-
-def _binary_walk(data: bytes) -> _Walk:
-    return partial(_walk, np.frombuffer(data, np.uint8))
 
 
 def _full_walk(path: Path, data: bytes, header: _Header) -> _Walk:

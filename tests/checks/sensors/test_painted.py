@@ -242,7 +242,7 @@ def test_a_painted_image_without_its_input_is_found() -> None:
     frame = ColourFrame(late.stamp_ns, 5, "camera", grey(), b"", ())
     record.paintings.add(OUT, frame, {})
     assert "has no image of this stamp" in failure(check_images(record))
-    record.paintings.inputs.clear()
+    record.paintings.input_topics.clear()
     assert check_images(record).outcome is Outcome.SKIPPED
 
 

@@ -16,8 +16,7 @@ from are_ros.bag.roles import find_roles
 from are_ros.bag.types import RosbagsFactory
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.errors import BagError
-from are_ros.messages.maps import make_grid
-from are_ros.messages.transforms import StampedTransform, make_transforms
+from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.replay.survey.align import (
@@ -31,7 +30,7 @@ from are_ros.replay.timeline import ReplayOptions
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.scan_matching import PlanarPose, ScanCloud, ScanMatcher, wrapped
-from bags.simulation.making import make_scan
+from bags.simulation.making import make_grid, make_scan, make_transforms
 
 RunAre = Callable[..., CompletedProcess[str]]
 WriteBag = Callable[[Path, list[tuple[str, int, Any]]], Path]

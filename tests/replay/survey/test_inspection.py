@@ -10,13 +10,17 @@ import pytest
 from are_ros.bag.reader import BagReader
 from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import BagError
-from are_ros.messages.common import make_header
-from are_ros.messages.maps import make_grid
-from are_ros.messages.transforms import StampedTransform, make_transforms
+from are_ros.messages.transforms import StampedTransform
 from are_ros.replay.survey.inspection import Inspection, inspect_bag, inspection_lines
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
-from bags.simulation.making import OdometryReading, make_odometry
+from bags.simulation.making import (
+    OdometryReading,
+    make_grid,
+    make_header,
+    make_odometry,
+    make_transforms,
+)
 
 WriteBag = Callable[[Path, list[tuple[str, int, Any]]], Path]
 S = 1_000_000_000
