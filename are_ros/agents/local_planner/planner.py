@@ -186,28 +186,47 @@ _RANKS_LAST_SECONDS = 8
 
 
 @borrowing
-def _is_due(
-    agents: AgentArrays, i: int, now: int, robot: RobotPath, timing: PlannerTiming, box: _Floats
-) -> bool:
-    """Tell whether an agent plans in this sub-step; it may be pushed by the robot."""
-    has_robot = robot.outlines.shape[0] > 0
-    if now < agents.due[i] and not has_robot:
-        return False
-    place = agents.place[i]
-    if place.is_scripted:
-        return False
-    moves = now - place.begin < place.last
-    if has_robot and not moves:
-        make_way(agents, i, agents.path[i, place.last], now, robot, timing.second)
-    if now < agents.due[i]:
-        # only where what is left of its path leads into the robot, where it is or will be
-        reach = place.reach + robot.reach
-        is_far = abs(place.x - robot.x) > reach or abs(place.y - robot.y) > reach
-        if is_far or not moves:
-            return False
-        start, body = now - place.begin, agents.body[i]
-        return robot_cost(agents.path[i], start, place.last, body, 0.0, robot, place.pace, box)[1]
-    return bool(moves or agents.command[i].has_goal == 1 or now < agents.memory[i].pushed_until)
+def _mark_due(
+    due: _Mask,
+    squares: _Floats,
+    agents: AgentArrays,
+    now: int,
+    robot: RobotPath,
+    timing: PlannerTiming,
+    box: _Floats,
+) -> int:
+    """Write to `due` (N,) which agents plan in this sub-step; return how many they are.
+
+    And to `squares` (N, 3), x, y, half side, a square that holds the agent on its trajectory and on
+    each that it may commit to. Agents that stand may be pushed by the robot.
+    """
+    count, has_robot = 0, robot.outlines.shape[0] > 0
+    for i in range(due.shape[0]):
+        place, body = agents.place[i], agents.body[i]
+        squares[i, 0], squares[i, 1], squares[i, 2] = place.x, place.y, place.reach
+        due[i], moves = False, now - place.begin < place.last
+        if place.is_scripted or not (has_robot or now >= agents.due[i]):
+            continue
+        if has_robot and not moves:
+            make_way(agents, i, agents.path[i, place.last], now, robot, timing.second)
+        if now >= agents.due[i]:
+            is_pushed = now < agents.memory[i].pushed_until
+            due[i] = moves or agents.command[i].has_goal == 1 or is_pushed
+        elif moves:
+            # only where what is left of its path leads into the robot, where it is or will be
+            start, reach = now - place.begin, place.reach + robot.reach
+            is_far = abs(place.x - robot.x) > reach or abs(place.y - robot.y) > reach
+            if not is_far:
+                due[i] = robot_cost(
+                    agents.path[i], start, place.last, body, 0.0, robot, place.pace, box
+                )[1]
+        if due[i]:
+            count += 1
+            pose = agents.path[i, min(now - place.begin, place.last)]
+            away = max(abs(pose[X] - place.x), abs(pose[Y] - place.y))
+            squares[i, 0], squares[i, 1] = pose[X], pose[Y]
+            squares[i, 2] = max(reach_of(body, timing), away + place.reach)
+    return count
 
 
 @owning
@@ -225,18 +244,8 @@ def run(
     Returns bool (N,): which poses have changed; and the poses (N, 6) at the next sub-step.
     """
     size = agents.place.shape[0]
-    # a square, x, y, half side, holds the agent on its path, and on each that it may commit to
     due, squares = np.empty(size, np.bool_), np.empty((size, 3))
-    for i in range(size):
-        place = agents.place[i]
-        due[i] = _is_due(agents, i, now, robot, timing, workspace.box)
-        squares[i, 0], squares[i, 1], squares[i, 2] = place.x, place.y, place.reach
-        if due[i]:
-            pose = agents.path[i, min(now - place.begin, place.last)]
-            away = max(abs(pose[X] - place.x), abs(pose[Y] - place.y))
-            squares[i, 0], squares[i, 1] = pose[X], pose[Y]
-            squares[i, 2] = max(reach_of(agents.body[i], timing), away + place.reach)
-    if due.any():
+    if _mark_due(due, squares, agents, now, robot, timing, workspace.box) > 0:
         buckets = fill(squares)
         epoch = index // (_RANKS_LAST_SECONDS * timing.second)
         for i in range(size):
