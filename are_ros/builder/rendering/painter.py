@@ -90,7 +90,13 @@ class Painting:
 
 
 class Painter:
-    """Paints what one camera sees. Its rays are computed once."""
+    """Paints what one camera sees. Its rays are computed once.
+
+    Bodies are painted from coarser surfaces, no point of which is moved by more than `tolerance_px`
+    as seen from the distance of the body's box; 0: from their own. In the middle of the image this
+    is so of any lens. Towards the edge of a flat image pixels see smaller angles, so it can be more
+    there: by 1 / cos of the angle from the axis.
+    """
 
     def __init__(self, view: PinholeView | FisheyeView, tolerance_px: float = 1.0) -> None:
         self.view = view
