@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros._compiled import compiled
+from are_ros._compiled import borrowing, compiled, owning
 from are_ros.builder.occlusion.rays import PIXELS, inverse
 from are_ros.errors import InputError
 from are_ros.parameters.choices import Shape
@@ -78,7 +78,7 @@ def cast(
     return (best if triangle >= 0 else np.inf), triangle
 
 
-@compiled
+@borrowing
 def enters(
     box: npt.NDArray[np.float64], ox: float, oy: float, oz: float, ix: float, iy: float, iz: float
 ) -> float:
@@ -126,7 +126,7 @@ _ZERO: Final = np.float32(0.0)
 _ONE: Final = np.float32(1.0)
 
 
-@compiled
+@owning
 def cast_tile(
     tree: Tree,
     mesh: int,
@@ -165,7 +165,7 @@ def cast_tile(
             _meet_all(triangles[triangle], camera_m, rays[0], rays[1], rays[2], depths_m)
 
 
-@compiled
+@borrowing
 def _meet_all(
     triangle: npt.NDArray[np.float64],
     camera_m: npt.NDArray[np.floating],
