@@ -210,3 +210,20 @@ def find_neighbours(
                     workspace.wanted[count] = min(gap, comfort)
                 count += 1
     return count
+
+
+@borrowing
+def turns_among(
+    agents: AgentArrays, i: int, pose: Floats, now: int, workspace: Workspace, near: int
+) -> bool:
+    """Tell whether agent i can turn on the spot at a pose, for all of its neighbours.
+
+    These are the first `near` rows of `workspace.near`: none of them is in the circle about it.
+    """
+    for n in range(near):
+        j = workspace.near[n]
+        place = agents.place[j]
+        other = agents.path[j, min(now - place.begin, place.last)]
+        if distance(pose, other[X], other[Y]) < agents.body[i].radius + agents.body[j].radius:
+            return False
+    return True

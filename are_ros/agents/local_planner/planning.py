@@ -6,7 +6,13 @@ import numpy as np
 
 from are_ros._compiled import borrowing
 from are_ros.agents.local_planner.deadlock import can_yield, consider_detour, push
-from are_ros.agents.local_planner.gaps import TOUCH, find_neighbours, gap_between, separation
+from are_ros.agents.local_planner.gaps import (
+    TOUCH,
+    find_neighbours,
+    gap_between,
+    separation,
+    turns_among,
+)
 from are_ros.agents.local_planner.primitives import cheapest
 from are_ros.agents.local_planner.proposals import keep_to_way, propose
 from are_ros.agents.local_planner.robot import robot_cost
@@ -316,11 +322,13 @@ def plan(
     if is_at_rest and start == place.last:
         place.must_plan = 0
         return
-    # a walker steps back if it is blocked where walls keep it from turning
+    near = find_neighbours(buckets, agents, i, pose, reach_of(body, timing), now, workspace)
+    # a walker steps back if it is blocked where walls or others keep it from turning
     backs_off = body.turn_radius == 0.0 and pose[SPEED] <= 0.0
     backs_off = backs_off and (memory.blocked > _BACKS_OFF_AFTER or memory.gear < 0)
-    backs_off = backs_off and not turns_freely(pose, body, floor)
-    near = find_neighbours(buckets, agents, i, pose, reach_of(body, timing), now, workspace)
+    backs_off = backs_off and not (
+        turns_freely(pose, body, floor) and turns_among(agents, i, pose, now, workspace, near)
+    )
     options = propose(agents, i, aim, pose, now, timing, floor, robot, workspace, near, backs_off)
     wall_gap = wall_gap_wanted(pose, body, command.wall_comfort, floor, workspace.box)
     workspace.goal[0], workspace.goal[1] = command.x, command.y

@@ -136,6 +136,19 @@ def test_two_who_meet_in_a_gap_too_narrow_to_turn_in_back_out() -> None:
     street.run_until_there(40.0)
 
 
+def test_one_that_another_keeps_from_turning_steps_back() -> None:
+    """Both want to go east; the person faces west, with a robot half a metre before it.
+
+    They stood for minutes: the person had no room to turn, and the robot follows its path.
+    """
+    street = Street(environment(room(12.0, 8.0)))
+    street.add(1, 3.73, 4.0, 0.0, Body((0.18, 0.18)))
+    street.add(2, 4.16, 4.21, math.pi, Body((0.165, 0.29)))
+    street.send(1, 11.0, 3.65, planner="path_following")
+    street.send(2, 8.8, 4.4)
+    street.run_until_there(25.0)
+
+
 def test_in_too_narrow_a_corridor_one_backs_off_and_both_turn_away_when_told() -> None:
     """One is named to the other as what hinders it; ordered back, both get there."""
     street = Street(corridor(0.9))
