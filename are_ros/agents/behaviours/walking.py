@@ -150,7 +150,8 @@ _STOPPING = stand("standing")
 
 def end_of_pause(situation: Situation) -> int:
     """Draw the end [ns] of a pause that begins now: 1 to 10 s, exponential beyond the first."""
-    length_s = SHORTEST_S + float(situation.random.exponential(_MEAN_ABOVE_SHORTEST_S))
+    stream = situation.random
+    length_s = SHORTEST_S + float(stream.exponential(_MEAN_ABOVE_SHORTEST_S))
     return situation.now_ns + seconds_to_ns(min(length_s, LONGEST_S))
 
 
