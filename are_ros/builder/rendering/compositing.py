@@ -57,8 +57,8 @@ def compose(
                 _shade_row(pixels[row, left:right], kept, linear, srgb)
             elif what:
                 _blur(layer, row, left, right, taps, room, over)
-                number = seed + np.uint64(row * width + left) * _STEP
-                _mix_row(pixels[row, left:right], over, kept, gain, noise, number, linear, srgb)
+                mine, number = pixels[row, left:right], row * width + left
+                _mix_row(mine, over, kept, gain, noise, seed, number, linear, srgb)
 
 
 @inlined
@@ -78,7 +78,8 @@ def _mix_row(
     kept: Floats,
     gain: Floats,
     noise: np.float32,
-    number: np.uint64,
+    seed: np.uint64,
+    number: int,
     linear: Floats,
     srgb: Bytes,
 ) -> None:
@@ -93,7 +94,7 @@ def _mix_row(
                     pixel[channel] = _encoded(linear[pixel[channel]] * light, srgb)
             continue
         behind = (_ONE - alpha) * light if alpha < np.float32(0.999) else _ZERO
-        grain = noise * alpha * _standard_noise(number + np.uint64(place) * _STEP) + np.float32(0.5)
+        grain = noise * alpha * standard_noise(seed, number + place) + np.float32(0.5)
         for channel in range(3):
             mixed = mine[channel] * gain[channel] + behind * linear[pixel[channel]]
             value = np.float32(_encoded(mixed, srgb)) + grain
@@ -132,11 +133,7 @@ def standard_noise(seed: np.uint64, number: int) -> np.float32:
 
     The hash is SplitMix64 (Steele et al. 2014) of the seed and the number.
     """
-    return _standard_noise(seed + np.uint64(number) * _STEP)
-
-
-@inlined
-def _standard_noise(bits: np.uint64) -> np.float32:
+    bits = seed + np.uint64(number) * _STEP
     bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     bits = (bits ^ (bits >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     bits ^= bits >> np.uint64(31)

@@ -192,6 +192,7 @@ class Painter:
         lights[:, :2] = lights[:, :2] @ turns
         heights_m = np.empty((len(near), 2), dtype=np.float32)
         heights_m[:, 0], heights_m[:, 1] = map_from_camera.translation_m[2], boxes.grounds_m[near]
+        bands = -(-self.view.height // ROWS)
         render(
             corners,
             points,
@@ -209,8 +210,8 @@ class Painter:
             self._surfaces.textures,
             _LINEAR,
             self._faces,
-            np.empty((len(near), -(-self.view.height // ROWS) + 1), dtype=np.int32),
-            np.empty((len(near) + 1, 4), dtype=np.int32),
+            np.empty((len(near), bands + 1), dtype=np.int32),
+            np.empty((len(near), bands + 1, 2), dtype=np.int32),
             np.full(self._band.shape[1], -1, dtype=np.int32),
             self._least,
             self._band,

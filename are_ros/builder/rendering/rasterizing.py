@@ -227,13 +227,13 @@ def choose_faces(
     first: int,
     faces: Faces,
     heads: Integers,
-    window: Integers,
+    spans: Integers,
 ) -> int:
     """Add the triangles of a surface, that of a body, that a ray may meet to the faces.
 
-    They are added from `first` on. Return the number of faces then; `window` (4,) is the rectangle
-    of pixels around them, empty where there are none. Each is chained to those of the band where it
-    begins; `heads` are the first ones of each band, -1 for none.
+    They are added from `first` on. Return the number of faces then. Each is chained to those of the
+    band where it begins; `heads` are the first ones of each band, -1 for none. `spans` (bands, 2)
+    are the blocks that they may meet in each band, the end left out.
 
     Points (V, 3) are in the camera's frame, and pixels (V, 2) where they are in the image of a
     `size`, NaN where that is not known. The sides of triangle f bulge by bulges[f] pixels in the
@@ -241,7 +241,8 @@ def choose_faces(
     the camera, is negative. Of a closed surface the far side is left out. `camera_m` (3,) and the
     directions of the `light` (3, 3) are in the box's frame.
     """
-    window[0], window[1], window[2], window[3] = size[0], size[1], 0, 0
+    for band in range(spans.shape[0]):
+        heads[band], spans[band, 0], spans[band, 1] = -1, size[0], 0
     is_closed = corners.is_closed[number]
     face = first
     for triangle in range(corners.starts[number, 1], corners.starts[number + 1, 1]):
@@ -295,8 +296,10 @@ def choose_faces(
         faces.textures[face] = -1 if is_plain else number
         _put_looks(corners, triangle, is_plain, camera_m, light, scale, found)
         faces.following[face], heads[bounds[1] // ROWS] = heads[bounds[1] // ROWS], face
-        window[0], window[1] = min(window[0], bounds[0]), min(window[1], bounds[1])
-        window[2], window[3] = max(window[2], bounds[2]), max(window[3], bounds[3])
+        left, right = bounds[0] // WIDE, (bounds[2] + WIDE - 1) // WIDE
+        for band in range(bounds[1] // ROWS, (bounds[3] + ROWS - 1) // ROWS):
+            span = spans[band]
+            span[0], span[1] = min(span[0], left), max(span[1], right)
         face += 1
     return face
 
@@ -488,15 +491,13 @@ def _span(
 
 
 @borrowing
-def load_rays(
-    samples: Floats, window: Integers, band: int, loaded: Integers, blocks: Floats
-) -> None:
-    """Put the rays of samples (H, B, RAYS) into the blocks of a band, in the columns of a window.
+def load_rays(samples: Floats, span: Integers, band: int, loaded: Integers, blocks: Floats) -> None:
+    """Put the rays of samples (H, B, RAYS) into the blocks of a band, in the columns of a span.
 
     `loaded` (B,) are the bands whose rays each column has.
     """
     rows = min(ROWS, samples.shape[0] - ROWS * band)
-    for number in range(window[0] // WIDE, (window[2] + WIDE - 1) // WIDE):
+    for number in range(span[0], span[1]):
         if loaded[number] == band:
             continue
         loaded[number] = band
@@ -509,7 +510,7 @@ def load_rays(
 @borrowing
 def merge(
     rays: Floats,
-    window: Integers,
+    span: Integers,
     real: Floats,
     up: Floats,
     heights_m: Floats,
@@ -521,17 +522,17 @@ def merge(
 ) -> int:
     """Put a body into a band where it is in front, and clear its samples; return their number.
 
-    The band has the rows from `top` to `bottom`, left out. `window` (4,) is the rectangle of pixels
-    in which the body was drawn. `real` (H, W) are the ranges along the rays of the pixels (3, H, W)
+    The band has the rows from `top` to `bottom`, left out. `span` (2,) are the blocks of each in
+    which the body was drawn. `real` (H, W) are the ranges along the rays of the pixels (3, H, W)
     of what is really there and hides the body. `up` (3,) is the map's z in the camera's frame, and
     `heights_m` (2,) how far camera and ground are above the map's origin. Blocks (H, B) that may
     have changed get a mark. `least` (4 B,) is room.
     """
     count, lanes = 0, np.uint32(blocks.shape[2] // 8)  # a number that the compiler does not know,
     # for it would unroll the loops and not use the vector units
-    first, end = np.uint32(window[0] // WIDE), np.uint32((window[2] + WIDE - 1) // WIDE)
-    for row in range(max(window[1], top), min(window[3], bottom)):
-        _limit_nearness(rays, window, real, up, heights_m, row, least)
+    first, end = np.uint32(span[0]), np.uint32(span[1])
+    for row in range(top, bottom):
+        _limit_nearness(rays, span, real, up, heights_m, row, least)
         for number in range(first, end):
             block, some = blocks[np.uint32(row - top), number], np.int32(0)
             for lane in range(lanes):
@@ -556,7 +557,7 @@ def merge(
 @inlined
 def _limit_nearness(
     rays: Floats,
-    window: Integers,
+    span: Integers,
     real: Floats,
     up: Floats,
     heights_m: Floats,
@@ -566,7 +567,7 @@ def _limit_nearness(
     """Write the least nearness (4 B,) that is not hidden by what is really there, in a row."""
     ux, uy, uz = up[0], up[1], up[2]
     camera_m, floor_m = heights_m[0], heights_m[1] + FLOOR_M
-    left, right = window[0], window[2]
+    left, right = WIDE * span[0], min(WIDE * span[1], real.shape[1])
     xs, ys, zs = rays[0, row, left:right], rays[1, row, left:right], rays[2, row, left:right]
     there, out = real[row, left:right], least[left:right]
     for column in range(out.size):

@@ -63,7 +63,7 @@ def render(
     linear: Floats,
     faces: Faces,
     heads: Integers,
-    windows: Integers,
+    spans: Integers,
     loaded: Integers,
     least: Floats,
     blocks: Floats,
@@ -78,15 +78,11 @@ def render(
     `bodies` (N,) are their numbers, `cameras_m` (N, 3) and `lights` (N, 3, 3) as one of each in
     `choose_faces`, `heights_m` (N, 2) as one in `merge`. `met` counts the samples that meet each
     body, hidden or not, and `seen` those that see it; see `_shade` for `marks`, `mask` and `layer`.
-    `heads` (N, bands + 1), `windows` (N + 1, 4), `loaded` (B,), of -1,
+    `heads` (N, bands + 1), `spans` (N, bands + 1, 2), `loaded` (B,), of -1,
     `least` (4 B,), `faces` and `blocks` are room.
     """
-    size, first, whole = (real.shape[1], real.shape[0]), 0, windows[bodies.size]
-    whole[0], whole[1], whole[2], whole[3] = size[0], size[1], 0, 0
+    size, first = (real.shape[1], real.shape[0]), 0
     for number in range(bodies.size):
-        for band in range(heads.shape[1]):
-            heads[number, band] = -1
-        own = windows[number]
         first = choose_faces(
             corners,
             number,
@@ -101,20 +97,21 @@ def render(
             first,
             faces,
             heads[number],
-            own,
+            spans[number],
         )
-        whole[0], whole[1] = min(whole[0], own[0]), min(whole[1], own[1])
-        whole[2], whole[3] = max(whole[2], own[2]), max(whole[3], own[3])
-    for band in range(whole[1] // ROWS, (whole[3] + ROWS - 1) // ROWS):
+    for band in range(heads.shape[1] - 1):
         top, bottom = band * ROWS, min((band + 1) * ROWS, size[1])
+        left, right = size[0], 0
         for number in range(bodies.size):
             if heads[number, band] < 0:
                 continue
-            load_rays(samples, windows[number], band, loaded, blocks)
+            span = spans[number, band]
+            left, right = min(left, span[0]), max(right, span[1])
+            load_rays(samples, span, band, loaded, blocks)
             draw_in_band(blocks, faces, heads[number, band : band + 2], top, bottom)
             met[bodies[number]] += merge(
                 rays,
-                windows[number],
+                span,
                 real,
                 up,
                 heights_m[number],
@@ -124,13 +121,14 @@ def render(
                 blocks,
                 marks,
             )
-        _shade(rays, whole, top, bottom, faces, textures, linear, blocks, marks, mask, seen, layer)
+        span = left, right
+        _shade(rays, span, top, bottom, faces, textures, linear, blocks, marks, mask, seen, layer)
 
 
 @borrowing
 def _shade(
     rays: Floats,
-    window: Integers,
+    span: tuple[int, int],
     top: int,
     bottom: int,
     faces: Faces,
@@ -145,7 +143,7 @@ def _shade(
     """Put the light of the faces in front in a band into the layer (H, 4 W), and clear these.
 
     The band has the rows from `top` to `bottom`, left out. The layer has linear red, green, blue,
-    and the covered share, for each pixel of the `window`.
+    and the covered share, for each pixel of the blocks of the `span`.
     `marks` (H, B) are the blocks that may have such faces. `mask` (H, W) becomes the body that has
     at least two of a pixel's samples (of two with two each the one with the higher number), and
     `seen` the number of each body's samples. `rays` (3, H, W) are those of pixels. `linear` (256,)
@@ -153,10 +151,9 @@ def _shade(
     pixel's own ray; where they see one body, but several faces of it, along those of two samples;
     else along those of all.
     """
-    first, end = window[0] // WIDE, (window[2] + WIDE - 1) // WIDE
     lanes, half = np.uint32(blocks.shape[2] // 8), np.float32(0.5)  # as in `merge`
     for row in range(np.uint32(top), np.uint32(bottom)):
-        for number in range(np.uint32(first), np.uint32(end)):
+        for number in range(np.uint32(span[0]), np.uint32(span[1])):
             if marks[row, number] == 0:
                 continue
             block = blocks[np.uint32(row - top), number]
