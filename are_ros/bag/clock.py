@@ -376,9 +376,9 @@ def _reference(sources: Sequence[Times]) -> Times | None:
     """Return the source whose clock most others share, the first of several; /clock if there."""
     if not sources:
         return None
-    offsets = np.array([np.median(one.stamps_ns - one.log_ns) for one in sources])
     if sources[0].is_clock:
         return sources[0]
+    offsets = np.array([np.median(one.stamps_ns - one.log_ns) for one in sources])
     company = np.abs(offsets[:, np.newaxis] - offsets) <= _TOPIC_APART_NS
     return sources[int(company.sum(axis=1).argmax())]
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
-T = TypeVar("T")
+_Value = TypeVar("_Value")
 Rgb = tuple[int, int, int]
 """Red, green and blue from 0 to 255."""
 
@@ -132,7 +132,9 @@ def hex_of(colour: Rgb) -> str:
     return "#{:02x}{:02x}{:02x}".format(*colour)
 
 
-def _completed(known: Mapping[str, T], further: Sequence[T], names: Sequence[str]) -> dict[str, T]:
+def _completed(
+    known: Mapping[str, _Value], further: Sequence[_Value], names: Sequence[str]
+) -> dict[str, _Value]:
     """Return what is known, and for the other names in their order what is further, in turn."""
     return {**known, **dict(zip(sorted(set(names) - set(known)), cycle(further), strict=False))}
 

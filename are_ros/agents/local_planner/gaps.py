@@ -216,9 +216,10 @@ def find_neighbours(
 def turns_among(
     agents: AgentArrays, i: int, pose: Floats, now: int, workspace: Workspace, near: int
 ) -> bool:
-    """Tell whether agent i can turn on the spot at a pose, for all of its neighbours.
+    """Tell whether agent i certainly has room to turn on the spot at a pose among its neighbours.
 
-    These are the first `near` rows of `workspace.near`: none of them is in the circle about it.
+    These are the first `near` rows of `workspace.near`. It has if the circle about none of them
+    meets its own; `_jams` is exact, but asks whether both can turn.
     """
     for n in range(near):
         j = workspace.near[n]
