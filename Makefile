@@ -34,10 +34,19 @@ endif
 setup: $(VENV)/ready-for-ros # what the commands need, ROS 2's Python included; nothing is run
 	@if test -e $<; then $(BIN)/python scripts/build_messages.py; fi
 
-demo: $(VENV)/ready-for-ros
+# The kernels compile while ROS is installed and its messages are built.
+ifeq ($(MAKECMDGOALS),demo)
+MAKEFLAGS += --jobs=2
+endif
+demo: $(VENV)/ready-for-ros $(VENV)/kernels
 	@if test -e $<; then $(BIN)/are demo --params config/nav2_are.yaml --out $(OUT)/demo; \
 	else echo 'Instead of the live demo, the drive is replayed, which needs no ROS; artefacts that the robot touches move aside.'; \
 	$(BIN)/are replay bags/sample_office.mcap --params bags/sample_office.yaml --params config/nav2_are.yaml --out $(OUT)/demo; fi
+
+# The project's own path comes first: pip replaces the installed one meanwhile.
+$(VENV)/kernels: $(VENV)/ready
+	@PYTHONPATH=. $(BIN)/python scripts/compile_kernels.py
+	@touch $@
 
 test: $(VENV)/ready-for-tests
 	$(BIN)/pytest -n $(JOBS)

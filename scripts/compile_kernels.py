@@ -1,0 +1,12 @@
+"""Compile the kernels for the default parameters; `make demo` does so while ROS is installed."""
+
+import time
+
+from are_ros.builder.assembly import catalogue_of
+from are_ros.builder.warm_up import warm_up
+from are_ros.parameters.model import Parameters
+
+if __name__ == "__main__":
+    started = time.monotonic()
+    warm_up(catalogue_of(Parameters()))
+    print(f"the kernels are ready after {time.monotonic() - started:.0f} s", flush=True)
