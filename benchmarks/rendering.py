@@ -1,18 +1,18 @@
-"""Ten artefacts painted into an image of 640 x 480, against VTK doing the same off-screen.
+"""Ten artefacts painted into an image of 640 x 480, against VTK and pyrender off-screen.
 
     python benchmarks/rendering.py [repetitions]
 
 Seven persons and three pallets near the camera, which fill the image, and ten persons 3 to 8 m
-away, as a robot sees them; through a lens without distortion, which is what VTK can draw.
+away, as a robot sees them; through a lens without distortion, which is what the peers can draw.
 
-VTK (pip install vtk) gets the same surfaces, triangles with normals and colours, as actors that
-stay; at each image their poses change, it draws with four samples a pixel, and colours and depths
-are read back. Ours paints coarser surfaces of what is far away; VTK gets the whole ones, as a user
-would give it, and once more those that ours takes for the first image. Then numpy and OpenCV
-compare the depths with the real ones, and lay the colours over the image, blurred as ours are. Ours
-is the whole job, too, and besides shadows, noise, mask and visible shares.
+The peers (pip install vtk pyrender) get the same surfaces, triangles with normals and colours, that
+stay; at each image their poses change, they draw with four samples a pixel, and colours and depths
+are read back. Ours paints coarser surfaces of what is far away; the peers get the whole ones, as a
+user would give them, and VTK once more those that ours takes for the first image. Then numpy and
+OpenCV compare the depths with the real ones, and lay the colours over the image, blurred as ours
+are. Ours is the whole job, too, and besides shadows, noise, mask and visible shares.
 
-VTK draws with what OpenGL the machine has, on a server in software. All on one thread
+Peers draw with what OpenGL the machine has, on a server in software. All on one thread
 (LP_NUM_THREADS=0 keeps Mesa to one, OpenCV is told). Medians and least values, of interleaved
 images, of the processor's time, in which the waiting for other work on the machine does not count,
 and their ratios.
@@ -27,6 +27,7 @@ from importlib import import_module
 from typing import Any
 
 os.environ.setdefault("LP_NUM_THREADS", "0")
+os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
 
 import cv2
 import numpy as np
@@ -125,6 +126,53 @@ def actor_of(body: PaintedBody, vtk: Any, support: Any) -> Any:
 
 
 CLIPPING_M = (0.1, 30.0)
+LENGTHS = np.linalg.norm(VIEW.rays_to_depth(), axis=2).astype(np.float32)
+"""How long a ray is at a depth of 1 m."""
+
+
+def lay_over(
+    colours: npt.NDArray[Any], depths_m: npt.NDArray[Any], is_drawn: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.uint8]:
+    """Return the image with what a peer drew and nothing real hides."""
+    is_seen = is_drawn & (LENGTHS * depths_m <= REAL_M + 0.02)
+    alpha = cv2.GaussianBlur(is_seen.astype(np.float32), (0, 0), 0.5)[:, :, np.newaxis]
+    over = cv2.GaussianBlur(colours * is_seen[:, :, np.newaxis].astype(np.float32), (0, 0), 0.5)
+    mixed: npt.NDArray[np.uint8] = np.clip(over + (1.0 - alpha) * IMAGE, 0, 255).astype(np.uint8)
+    return mixed
+
+
+def by_pyrender(bodies: Bodies) -> Callable[[int], None]:
+    """Return what does the whole job for image k; ImportError without pyrender."""
+    vars(np)["infty"] = np.inf  # pyrender's last release is older than numpy 2
+    pyrender, trimesh = import_module("pyrender"), import_module("trimesh")
+    scene = pyrender.Scene(bg_color=(0.0, 0.0, 0.0, 0.0))
+    gl_camera = CAMERA.matrix() @ np.diag((1.0, -1.0, -1.0, 1.0))
+    near_m, far_m = CLIPPING_M
+    lens = pyrender.IntrinsicsCamera(VIEW.fx, VIEW.fy, VIEW.cx, VIEW.cy, znear=near_m, zfar=far_m)
+    scene.add(lens, pose=gl_camera)
+    scene.add(pyrender.DirectionalLight(intensity=3.0), pose=gl_camera)
+    nodes = []
+    for body in bodies(0.0):
+        corners = body.surface.corners_m.reshape(-1, 3)
+        mesh = trimesh.Trimesh(
+            corners,
+            np.arange(len(corners)).reshape(-1, 3),
+            vertex_normals=body.surface.normals.reshape(-1, 3),
+            vertex_colors=(255.0 * np.sqrt(body.surface.colours.reshape(-1, 3))).astype(np.uint8),
+            process=False,
+        )
+        nodes.append(scene.add(pyrender.Mesh.from_trimesh(mesh)))
+    renderer = pyrender.OffscreenRenderer(VIEW.width, VIEW.height)
+
+    def compose(k: int) -> None:
+        for node, body in zip(nodes, bodies(0.01 * k), strict=True):
+            scene.set_pose(node, body.map_from_box.matrix())
+        colours, depths_m = renderer.render(scene)
+        if not depths_m.any():
+            raise SystemExit("pyrender drew nothing")
+        lay_over(colours, depths_m, depths_m > 0.0)
+
+    return compose
 
 
 def by_vtk(bodies: Bodies) -> tuple[Callable[[int], None], Callable[[int], None]]:
@@ -174,18 +222,13 @@ def by_vtk(bodies: Bodies) -> tuple[Callable[[int], None], Callable[[int], None]
         if not (read("colour").any() and read("depth").min() < 1.0):
             raise SystemExit("VTK drew nothing")
 
-    lengths = np.linalg.norm(VIEW.rays_to_depth(), axis=2).astype(np.float32)
-
     def compose(k: int) -> None:
         draw(k)
         colours = read("colour").reshape(480, 640, -1)[::-1, :, :3]
         near_m, far_m = CLIPPING_M
         share = read("depth").reshape(480, 640)[::-1]
-        ranges_m = lengths * (near_m * far_m / (far_m - share * (far_m - near_m)))
-        is_seen = (share < 1.0) & (ranges_m <= REAL_M + 0.02)
-        alpha = cv2.GaussianBlur(is_seen.astype(np.float32), (0, 0), 0.5)[:, :, np.newaxis]
-        over = cv2.GaussianBlur(colours * is_seen[:, :, np.newaxis].astype(np.float32), (0, 0), 0.5)
-        np.clip(over + (1.0 - alpha) * IMAGE, 0.0, 255.0).astype(np.uint8)
+        depths_m = near_m * far_m / (far_m - share * (far_m - near_m))
+        lay_over(colours, depths_m, share < 1.0)
 
     return draw, compose
 
@@ -204,8 +247,9 @@ def measure(name: str, bodies: Bodies, repetitions: int) -> None:
         drawing, whole = by_vtk(bodies)
         ways |= {"VTK, drawing and reading back": drawing, "VTK, whole job": whole}
         ways["VTK, coarser, whole job"] = by_vtk(coarser(bodies))[1]
-    except ImportError:
-        print("VTK is not installed")
+        ways["pyrender, whole job"] = by_pyrender(bodies)
+    except ImportError as missing:
+        print(f"{missing.name} is not installed")
     for way in ways.values():
         way(0)
     times = np.array([[milliseconds(way, k) for way in ways.values()] for k in range(repetitions)])
