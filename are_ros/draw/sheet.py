@@ -25,6 +25,7 @@ _ROW_PX: Final = 25
 _TIME_BAR_PX: Final = 264
 _FINE: Final = 2
 _TITLE_PX, _SUBTITLE_PX, _LEGEND_PX = 25, 15, 14
+_SUBTITLE_ROW_PX: Final = 19
 _SEPARATOR: Final = "   ·   "
 
 SIGN_PX: Final = 20
@@ -124,6 +125,18 @@ def draw_row(
         x += entry.width_px(text_px) + _ENTRY_GAP_PX
 
 
+def lines_of(parts: Sequence[str], width_px: float) -> list[str]:
+    """Return the parts of a subtitle in lines that are at most so wide, where a part is not."""
+    lines: list[str] = []
+    for part in parts:
+        longer = _SEPARATOR.join((*lines[-1:], part))
+        if lines and text_size(longer, _SUBTITLE_PX)[0] <= width_px:
+            lines[-1] = longer
+        else:
+            lines.append(part)
+    return lines
+
+
 @dataclass(frozen=True, eq=False)
 class Sheet:
     """A canvas with a window on the map; above it a title, below it the rows of the legend."""
@@ -163,17 +176,19 @@ class Sheet:
         """
         from PIL import Image
 
-        self._draw_surroundings(title, _SEPARATOR.join(part for part in subtitle if part))
+        self._draw_surroundings(title, [part for part in subtitle if part])
         if duration_s is not None:
             self._draw_time(duration_s)
         Image.fromarray(self.canvas.finished()).save(path, "PNG", optimize=False, compress_level=6)
 
-    def _draw_surroundings(self, title: str, subtitle: str) -> None:
-        canvas, (left, _, _, bottom) = self.canvas, self.view.rectangle
+    def _draw_surroundings(self, title: str, parts: Sequence[str]) -> None:
+        canvas, (left, _, right, bottom) = self.canvas, self.view.rectangle
         canvas.keep_only(self.view.rectangle)
         canvas.frame(self.view.rectangle)
         canvas.text(title, (left, 14), _TITLE_PX, bold=True, halo=False)
-        canvas.text(subtitle, (left, 56), _SUBTITLE_PX, FAINT_INK, halo=False)
+        for number, line in enumerate(lines_of(parts, right - left)):
+            top = 56 + _SUBTITLE_ROW_PX * number
+            canvas.text(line, (left, top), _SUBTITLE_PX, FAINT_INK, halo=False)
         for number, row in enumerate(self.rows):
             draw_row(canvas, row, (left, bottom + 22 + _ROW_PX * number), _LEGEND_PX)
         self._draw_scale()

@@ -50,7 +50,7 @@ def export_mesh(say: Say, options: MeshOptions) -> None:
     """Write the mesh of the scene at a time, and say what it is. Raises AreError."""
     writer_of(options.mesh)
     with ProgressBar("reading") as bar:
-        scene = read_recorded_scene(options.recording, bar.open, with_voxels=True)
+        scene = read_recorded_scene(options.recording, bar.open)
     if options.octomap_file is not None:
         voxels = _voxels_of_file(options.octomap_file, scene.parameters.world)
         scene = replace(scene, voxels=voxels, cloud_problem="")

@@ -23,11 +23,15 @@ from are_ros.parameters.model import CertaintyParameters
 
 
 class OutputTopic(NamedTuple):
-    """How an output is offered, reliably; a latched one gives late subscribers its last message."""
+    """How an output is offered, reliably; a latched one gives late subscribers its last message.
+
+    `of_perception`: nobody can have it if what is perceived is not computed.
+    """
 
     type_name: str
     is_latched: bool = False
     depth: int = 10
+    of_perception: bool = False
 
 
 OUTPUTS: Final[Mapping[str, OutputTopic]] = MappingProxyType(
@@ -38,10 +42,10 @@ OUTPUTS: Final[Mapping[str, OutputTopic]] = MappingProxyType(
         "augmented_map_updates": OutputTopic("map_msgs/msg/OccupancyGridUpdate"),
         "artefact_map_updates": OutputTopic("map_msgs/msg/OccupancyGridUpdate"),
         "artefacts": OutputTopic("are_msgs/msg/ArtefactArray"),
-        "perceived": OutputTopic("are_msgs/msg/PerceivedArtefactArray"),
-        "events": OutputTopic("are_msgs/msg/ArtefactEvent", depth=100),
-        "metrics": OutputTopic("are_msgs/msg/SceneMetrics"),
-        "markers": OutputTopic("visualization_msgs/msg/MarkerArray"),
+        "perceived": OutputTopic("are_msgs/msg/PerceivedArtefactArray", of_perception=True),
+        "events": OutputTopic("are_msgs/msg/ArtefactEvent", depth=100, of_perception=True),
+        "metrics": OutputTopic("are_msgs/msg/SceneMetrics", of_perception=True),
+        "markers": OutputTopic("visualization_msgs/msg/MarkerArray", of_perception=True),
     }
 )
 """The outputs of ticks by name, the last part of their topics."""
@@ -52,10 +56,10 @@ ARTEFACT_BOXES: Final = "artefacts/boxes"
 PERCEIVED_BOXES: Final = "perceived/boxes"
 OPTIONAL_OUTPUTS: Final[Mapping[str, OutputTopic]] = MappingProxyType(
     {
-        PREDICTED: OutputTopic("are_msgs/msg/PredictedPathArray"),
+        PREDICTED: OutputTopic("are_msgs/msg/PredictedPathArray", of_perception=True),
         OCTOMAP: OutputTopic("sensor_msgs/msg/PointCloud2", is_latched=True, depth=1),
         ARTEFACT_BOXES: OutputTopic("vision_msgs/msg/Detection3DArray"),
-        PERCEIVED_BOXES: OutputTopic("vision_msgs/msg/Detection3DArray"),
+        PERCEIVED_BOXES: OutputTopic("vision_msgs/msg/Detection3DArray", of_perception=True),
     }
 )
 """Those that only some parameters bring, or that have to be asked for."""

@@ -17,7 +17,7 @@ from are_ros.messages.feed import Decoding, Feed, RawMessage
 from are_ros.messages.goals import read_clicked_point
 from are_ros.messages.maps import encode_grid, read_grid
 from are_ros.messages.sensors import SENSORS, SensorOutputs, sensor_topics
-from are_ros.messages.tick_encoding import OCTOMAP, PERCEIVED_BOXES, TickEncoder
+from are_ros.messages.tick_encoding import ALL_OUTPUTS, OCTOMAP, TickEncoder
 from are_ros.node.watches import CallbackTimer, FaultWatch, TickWatch
 from are_ros.parameters.choices import CostmapGate, SensorGate
 from are_ros.parameters.model import Parameters
@@ -40,8 +40,6 @@ process that was stopped has to get from the network first what came meanwhile."
 _LISTENS_MOST_NS: Final = NS_PER_S
 """So long after its deadline no scan is kept back, however late the node always is."""
 _NONE_NS: Final = -(2**63)
-_SIGHTS: Final = ("perceived", PERCEIVED_BOXES, "predicted", "events", "metrics", "markers")
-"""The outputs that need perception."""
 
 
 class Inbox(Protocol):
@@ -341,7 +339,9 @@ class LiveBuilder:
         parameters = self.builder.parameters
         by_gates = CostmapGate.PERCEIVED is parameters.costmap.gate
         by_gates = by_gates or SensorGate.PERCEIVED is parameters.sensors.gate
-        perception = by_gates or any(name in wanted for name in _SIGHTS)
+        perception = by_gates or any(
+            output.of_perception and name in wanted for name, output in ALL_OUTPUTS.items()
+        )
         return Demand(perception, markers="markers" in wanted, octomap=OCTOMAP in wanted)
 
     def _send_tick(self, tick: Tick, wanted: Container[str] | None = None) -> None:

@@ -78,7 +78,7 @@ def run_demo(
         log = options.out / "node.log"
         command = _node_command(options, remaps, [t for one in sensors.values() for t in one])
         node = stack.enter_context(_process(command, log))
-        say("starting the node (kernels compile for a minute or two the first time)")
+        say("starting the node (kernels that are not there yet compile for a minute or two)")
         _await_active((node, recorder), options.out, should_stop)
         outcome = play(_play_options(options), say, open_progress, should_stop)
         _check_alive((node, recorder), options.out)

@@ -46,8 +46,10 @@ class TickWriter(Listener):
         self._writer = writer
         self._encoder = TickEncoder(demand, with_boxes=sensors.boxes)
         self._sensors = SensorOutputs(roles, sensors)
-        for name, (type_name, is_latched, depth) in outputs.items():
-            writer.add_topic(PREFIX + name, type_name, is_latched=is_latched, depth=depth)
+        for name, output in outputs.items():
+            writer.add_topic(
+                PREFIX + name, output.type_name, is_latched=output.is_latched, depth=output.depth
+            )
         for name, type_name in self._sensors.types.items():
             writer.add_topic(PREFIX + name, type_name)
 

@@ -72,7 +72,14 @@ def draw_recording(recording: Path, picture: Path, film: Path | None, say: Say) 
     """Draw the overview of a recording and, if wanted, an animation of it. Raises AreError."""
     scene = _read(recording)
     threshold, ids = scene.parameters.world.occupied_threshold, f"{PREFIX}artefacts"
-    draw_overview(scene.record, scene.grid, picture, occupied_threshold=threshold, ids_as_in=ids)
+    draw_overview(
+        scene.record,
+        scene.grid,
+        picture,
+        occupied_threshold=threshold,
+        ids_as_in=ids,
+        voxels=scene.voxels,
+    )
     if film is not None:
         animate(scene.record, scene.grid, film, threshold, say)
 
@@ -82,7 +89,7 @@ def view_recording(recording: Path, page: Path, say: Say) -> None:
     if not has_viser():
         raise BagError(MISSING_VISER)
     with ProgressBar("reading") as bar:
-        scene = read_recorded_scene(recording, bar.open, with_scans=True, with_voxels=True)
+        scene = read_recorded_scene(recording, bar.open, with_scans=True)
     path = recording.resolve()
     title = path.parent.name if path.name == RECORDING else path.stem
     views = scene.record.views

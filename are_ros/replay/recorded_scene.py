@@ -74,12 +74,11 @@ def read_recorded_scene(
     open_progress: OpenProgress,
     *,
     with_scans: bool = False,
-    with_voxels: bool = False,
 ) -> RecordedScene:
     """Return the scene of a recording of the node's outputs; `path` is as for `find_recording`.
 
     Where it holds no real map, the least of each cell of the augmented maps stands in; without
-    transforms there is no robot. Scans and voxels are read only if asked for. Raises BagError
+    transforms there is no robot. Scans are read only if asked for. Raises BagError
     where there is no recording, or no ground truth or no map in it, ParameterError for a bad
     effective.yaml.
     """
@@ -90,7 +89,7 @@ def read_recorded_scene(
     recorder = SceneRecorder(parameters, Catalogue(()))
     with Recording(found) as recording:
         cameras = {slashed(name): role for name, role in other_camera_roles(parameters).items()}
-        roles = _topics(recording, cameras, with_scans=with_scans, with_voxels=with_voxels)
+        roles = _topics(recording, cameras, with_scans=with_scans)
         has_camera_info = "camera/camera_info" in roles.values()
         reader = SceneReader(parameters, recorder.keep, has_camera_info=has_camera_info)
         start_ns, end_ns = recording.span_ns
@@ -118,12 +117,12 @@ def other_camera_roles(parameters: Parameters) -> dict[str, str]:
 
 
 def _topics(
-    recording: Recording, cameras: Mapping[str, str], *, with_scans: bool, with_voxels: bool
+    recording: Recording, cameras: Mapping[str, str], *, with_scans: bool
 ) -> dict[str, str]:
     """Return the role of each topic that is read; `cameras` are those of other cameras."""
     types = recording.types
     roles = find_roles([topic for topic in recording.topics if topic.name not in cameras], {})
-    found = roles.by_topic((*_ROLES, *([CLOUD] if with_voxels else [])))
+    found = roles.by_topic((*_ROLES, CLOUD))
     chosen = {topic: role for topic, role in found.items() if PREFIX not in topic}
     if with_scans:
         for topic, type_name in types.items():

@@ -6,9 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
+from are_ros.draw.canvas import text_size
 from are_ros.draw.map import Window
 from are_ros.draw.palette import INK
-from are_ros.draw.sheet import Entry, Sheet, patch_sign, round_length_m, rows_of
+from are_ros.draw.sheet import Entry, Sheet, lines_of, patch_sign, round_length_m, rows_of
 from tests.draw.made_runs import texts_written
 
 
@@ -40,3 +41,13 @@ def test_legends_break_into_rows() -> None:
     assert [entry for row in rows for entry in row] == entries
     assert len(rows) > 3
     assert all(sum(entry.width_px(14) for entry in row) <= 400.0 for row in rows)
+
+
+def test_a_long_subtitle_breaks_into_lines() -> None:
+    """Between its parts, in their order; one that has room stays one line."""
+    parts = [f"part {'x' * 9}{i}" for i in range(12)]
+    lines = lines_of(parts, 500.0)
+    assert "   ·   ".join(lines) == "   ·   ".join(parts)
+    assert 1 < len(lines) < len(parts)
+    assert all(text_size(line, 15)[0] <= 500.0 for line in lines)
+    assert len(lines_of(parts, 5000.0)) == 1

@@ -143,7 +143,7 @@ def test_the_maps_are_latched() -> None:
     latched = {name for name, topic in OUTPUTS.items() if topic.is_latched}
     assert latched == {"augmented_map", "artefact_map", "augmented_costmap"}
     assert all((topic.depth == 1) == topic.is_latched for topic in OUTPUTS.values())
-    assert OUTPUTS["events"] == OutputTopic("are_msgs/msg/ArtefactEvent", depth=100)
+    assert OUTPUTS["events"] == OutputTopic("are_msgs/msg/ArtefactEvent", False, 100, True)
     assert all(topic.type_name in jazzy_typestore().types for topic in OUTPUTS.values())
 
 

@@ -80,7 +80,7 @@ def test_the_node_says_farewell(run: str, request: pytest.FixtureRequest) -> Non
 def test_it_says_what_happened(lockstep_run: Path) -> None:
     """What was played, the summary of the recording, and where things are."""
     said = said_by(lockstep_run).splitlines()
-    assert "starting the node (kernels compile for a minute or two the first time)" in said
+    assert "starting the node (kernels that are not there yet compile for a minute or two)" in said
     assert "played       1363 messages on 9 topics" in said
     summary = summary_of(lockstep_run / "augmented.mcap")
     first = said.index(summary[0])

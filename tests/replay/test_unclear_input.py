@@ -352,7 +352,7 @@ def test_an_octomap_of_a_file_is_used_coarser_and_kept_beside_the_outputs(
     assert sorted(map(tuple, np.floor(points_m / 0.05).astype(int).tolist())) == sorted(
         map(tuple, wall.tolist())
     )
-    scene = read_recorded_scene(out, lambda _start, _end: lambda _now: None, with_voxels=True)
+    scene = read_recorded_scene(out, lambda _start, _end: lambda _now: None)
     shown = scene.voxels
     assert shown is not None
     assert shown.voxel_size_m == pytest.approx((0.1, 0.1, 0.1))
@@ -377,9 +377,7 @@ def test_a_point_cloud_of_a_file_becomes_voxels_of_the_size_that_is_set(
     assert "set world.voxel_size" in done.stderr
     done = run_are("replay", sample_bag, "--set", "world.voxel_size:=0.1", *words)
     assert done.returncode == 0, done.stderr
-    shown = read_recorded_scene(
-        out, lambda _start, _end: lambda _now: None, with_voxels=True
-    ).voxels
+    shown = read_recorded_scene(out, lambda _start, _end: lambda _now: None).voxels
     assert shown is not None
     low = np.rint(shown.map_from_lattice.translation_m / 0.1).astype(int)
     voxels = np.argwhere(shown.occupied) + low

@@ -413,7 +413,7 @@ class KnownWalls:
         self._known: dict[int, Walls | None] = {}
         self.doubt = ""
         if record.is_live:
-            self.doubt = "a live recording does not tell what a scan was augmented with"
+            self.doubt = "a live recording does not tell what the node knew when it augmented it"
         elif record.walls not in {"map", "octomap"}:
             self.doubt = "it is not known whether the walls are those of the map or an octomap's"
         elif record.walls == "octomap" and len(record.clouds) != 1:
