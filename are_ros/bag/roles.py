@@ -1,7 +1,7 @@
 """The roles of topics: the inputs of the node, found among the topics of a recording."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final
 
@@ -30,6 +30,7 @@ ROLE_TYPES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 
 OCTOMAP: Final = "octomap_point_cloud_centers"
 """The role of the topic with the voxels: their centres, or octomap_server's octree."""
+_UPDATE_TYPE: Final = "map_msgs/msg/OccupancyGridUpdate"
 _TELLTALES: Final = {
     OCTOMAP: "octomap",
     "tf_static": "static",
@@ -107,7 +108,19 @@ def find_roles(topics: Sequence[BagTopic], overrides: Mapping[str, str]) -> Role
             images = [found[kind].topic for kind in ("image", "depth") if kind in found]
             beside = {camera_info_topic(one.name): one.name for one in images if one is not None}
             found[role] = _by_type(role, topics, free, beside)
+    found["map"] = _with_updates(found["map"], filled)
     return RolesFound(tuple(found.values()))
+
+
+def _with_updates(real_map: FoundRole, filled: Iterable[BagTopic]) -> FoundRole:
+    """Return the role of the map, whose sentence tells of changes that nobody applies."""
+    updates = "" if real_map.topic is None else f"{real_map.topic.name}_updates"
+    if updates not in {topic.name for topic in filled if topic.type_name == _UPDATE_TYPE}:
+        return real_map
+    said = f"map: {updates} is not applied, only whole maps are taken; record those (in Nav2 with"
+    said += " always_send_full_costmap), or give the last one with --map FILE.yaml"
+    sentence = "; ".join(filter(None, (real_map.sentence, said)))
+    return replace(real_map, sentence=sentence)
 
 
 def read_overrides(texts: Iterable[str]) -> dict[str, str]:

@@ -204,3 +204,15 @@ def test_an_octree_gives_the_voxels_where_nothing_else_does() -> None:
     unclear = find_roles(topics(one=octomap, other=octomap), {})
     assert unclear.to_choose([role]) == (role,)
     assert f"several topics are {octomap}: /one, /other" in unclear.sentences()[0]
+
+
+def test_changes_of_the_map_that_nobody_applies_are_told() -> None:
+    """Those of the topic that is the map; others do not matter."""
+    grid, update = "nav_msgs/msg/OccupancyGrid", "map_msgs/msg/OccupancyGridUpdate"
+    (sentence,) = find_roles(topics(map=grid, map_updates=update), {}).sentences()
+    assert sentence.startswith("map: /map_updates is not applied, only whole maps are taken;")
+    (sentence,) = find_roles(topics(costmap=grid, costmap_updates=update), {}).sentences()
+    assert "/costmap, the only" in sentence
+    assert "; map: /costmap_updates is not applied" in sentence
+    assert find_roles(topics(map=grid, costmap_updates=update), {}).sentences() == ()
+    assert find_roles(topics(map_updates=update), {}).topic("map") is None
