@@ -157,11 +157,13 @@ class InputCopy(Listener):
 class RecordKeeper(Listener):
     """Keeps the record for pictures, viewer and metrics.
 
-    `camera_since_ns` is the time of the first tick that knew the camera, None before it.
+    `camera_since_ns` is the time of the first tick that knew the camera, `map_since_ns` that of the
+    first one that knew a map; None before it.
     """
 
     def __init__(self, recorder: SceneRecorder, builder: ArBuilder) -> None:
         self.camera_since_ns: int | None = None
+        self.map_since_ns: int | None = None
         self._recorder = recorder
         self._builder = builder
         self._scans: dict[str, ReleasedReading] = {}
@@ -170,6 +172,8 @@ class RecordKeeper(Listener):
         """Keep a tick, with the camera that it looked through and the newest scan of each topic."""
         if self.camera_since_ns is None and self._builder.camera is not None:
             self.camera_since_ns = tick.stamp_ns
+        if self.map_since_ns is None and self._builder.world.grid is not None:
+            self.map_since_ns = tick.stamp_ns
         scans: list[ScanPoints] = []
         if self._recorder.wants_scans:
             scans = [*filter(None, map(self._placed, self._scans.values()))]

@@ -22,6 +22,7 @@ from are_ros.messages.sensors import SENSORS, lens_topics
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.model import PosesParameters, SensorsParameters
 from are_ros.replay.survey.frame_survey import FrameSurvey, FrameSurveyor, hertz, static_tf_option
+from are_ros.replay.survey.recorded_pose import option_of_poses
 from are_ros.replay.timeline import LATE_CAMERA_NS, WITHOUT_CAMERA_INFO
 from are_ros.wording import aligned, counted, section
 from are_ros.world.transforms.table import TransformSource
@@ -108,7 +109,7 @@ def inspect_bag(
         *([] if map_topic or has_map_file else [_NO_MAP]),
         *_other_map_frame(map_topic, map_frame, world_frame),
         *survey.refused,
-        *_missing_pose(survey, map_frame, base_frame),
+        *_missing_pose(survey, map_frame, base_frame, reader, roles),
         *_turned_round(survey),
         *_missing_mounts(survey, (*sensors, *scans), frame_ids, base_frame),
         *_missing_cloud_frame(survey, roles.topic(_CLOUD), frame_ids, map_frame),
@@ -244,7 +245,9 @@ def _other_map_frame(map_topic: str | None, map_frame: str, world_frame: str) ->
         )
 
 
-def _missing_pose(survey: FrameSurvey, map_frame: str, base_frame: str) -> Iterable[str]:
+def _missing_pose(
+    survey: FrameSurvey, map_frame: str, base_frame: str, reader: BagReader, roles: RolesFound
+) -> Iterable[str]:
     """Say what keeps the robot's pose on the map from being known."""
     known = ", ".join(survey.frames()) or "none"
     if not base_frame:
@@ -256,11 +259,13 @@ def _missing_pose(survey: FrameSurvey, map_frame: str, base_frame: str) -> Itera
     elif map_frame not in survey.connected_to(base_frame):
         beside = ", ".join(sorted(survey.connected_to(base_frame) - {base_frame}))
         others = f", which hangs together with {beside}" if beside else ""
-        option = static_tf_option(map_frame, survey.root_of(base_frame))
-        yield (
-            f"nothing joins {map_frame} to {base_frame}{others}: give the transform with"
-            f" {option}, which `are align` finds by the scans, or the map's frame with --map-frame"
+        root = survey.root_of(base_frame)
+        known = option_of_poses(reader, roles, map_frame, root, base_frame)
+        unknown = (
+            f"give the transform with {static_tf_option(map_frame, root)}, which `are align` finds"
+            " by the scans, or the map's frame with --map-frame"
         )
+        yield f"nothing joins {map_frame} to {base_frame}{others}: {known or unknown}"
 
 
 def _turned_round(survey: FrameSurvey) -> Iterable[str]:

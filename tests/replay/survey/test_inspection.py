@@ -1,5 +1,6 @@
 """Inspecting recordings, small ones and real ones."""
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -217,6 +218,41 @@ def test_a_base_that_hangs_alone_hangs_together_with_nothing(
     path = write_bag(tmp_path / "bag.mcap", [("/tf", 0, make_transforms(factory, edges))])
     (no_pose,) = inspected(path, has_map_file=True).missing
     assert no_pose.startswith("nothing joins map to base_link: give the transform")
+
+
+def poses_on_the_map(factory: RosbagsFactory, topic: str, frame: str, x_m: float) -> list[Any]:
+    """Return three poses, at 1, 2 and 3 s: at x in a frame, turned by 0.5."""
+    records = []
+    for second in (1, 2, 3):
+        pose = factory.make("geometry_msgs/msg/PoseWithCovarianceStamped")
+        pose.header = make_header(factory, frame, second * S)
+        pose.pose.pose.position.x = x_m
+        turn = pose.pose.pose.orientation
+        turn.z, turn.w = math.sin(0.25), math.cos(0.25)
+        records.append((topic, second * S, pose))
+    return records
+
+
+def test_recorded_poses_give_the_transform_of_the_map(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """The robot, 4 m down the odometry's x axis, stands on the map at x = 3, turned by 0.5."""
+    records = poses_on_the_map(factory, "/amcl_pose", "map", 3.0)
+    records += poses_on_the_map(factory, "/initialpose", "map", 9.0)
+    records += poses_on_the_map(factory, "/another_pose", "odom", 9.0)
+    ahead = [
+        StampedTransform("odom", "base_link", k * S, (4.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+        for k in range(5)
+    ]
+    records += [("/tf", t.stamp_ns, make_transforms(factory, [t])) for t in ahead]
+    path = write_bag(tmp_path / "bag.mcap", sorted(records, key=lambda record: record[1]))
+    (no_pose,) = inspected(path, has_map_file=True).missing
+    x_m, y_m = 3.0 - 4.0 * math.cos(0.5), -4.0 * math.sin(0.5)
+    assert no_pose == (
+        "nothing joins map to base_link, which hangs together with odom: /amcl_pose tells it: give"
+        f' --static-tf "{x_m:.4f} {y_m:.4f} 0 0.5 0 0 map odom", which is within 0.00 m of all 3'
+        " poses"
+    )
 
 
 def test_a_depth_image_without_its_camera_info_is_said(
