@@ -24,7 +24,7 @@ from are_ros.parameters.model import PosesParameters, SensorsParameters
 from are_ros.replay.survey.frame_survey import FrameSurvey, FrameSurveyor, hertz, static_tf_option
 from are_ros.replay.survey.recorded_pose import option_of_poses
 from are_ros.replay.timeline import LATE_CAMERA_NS, WITHOUT_CAMERA_INFO
-from are_ros.wording import aligned, counted, section
+from are_ros.wording import aligned, counted, listed, section
 from are_ros.world.transforms.table import TransformSource
 
 _CAMERA = "camera/camera_info"
@@ -115,6 +115,7 @@ def inspect_bag(
         *_missing_cloud_frame(survey, roles.topic(_CLOUD), frame_ids, map_frame),
         *_missing_camera(reader, roles),
         *_missing_lenses(reader, sensors),
+        *_missing_stamps(times),
     ]
     return Inspection(
         reader.start_ns,
@@ -333,6 +334,17 @@ def _missing_lenses(reader: BagReader, sensors: Mapping[str, str]) -> Iterable[s
     for topic, lens_topic in lens_topics(sensors).items():
         if lens_topic not in filled:
             yield f"{topic} has no CameraInfo beside it, on {lens_topic}: it is not augmented"
+
+
+def _missing_stamps(times: RecordedTimes) -> Iterable[str]:
+    """Say which readings and moving transforms were stamped 0 all the time."""
+    several = [one for one in (*times.scans.values(), *times.edges.values()) if len(one.log_ns) > 1]
+    unstamped = [one.name for one in several if not one.stamps_ns.any()]
+    if unstamped:
+        yield (
+            f"no message of {listed(unstamped)} has a stamp, so nobody knows when it was: let its"
+            " publisher stamp it, and record anew"
+        )
 
 
 # The text of `are inspect`.

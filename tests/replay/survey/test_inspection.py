@@ -220,6 +220,21 @@ def test_a_base_that_hangs_alone_hangs_together_with_nothing(
     assert no_pose.startswith("nothing joins map to base_link: give the transform")
 
 
+def test_what_is_stamped_0_is_missing_its_stamps(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """A driver that does not stamp, and transforms from one; a static one may have stamp 0."""
+    statics = [transform("base_link", "laser", 0), transform("map", "odom", 0)]
+    records = [("/tf_static", 0, make_transforms(factory, statics))]
+    records += [("/odom", k * S // 10, odometry(factory, k * S // 10)) for k in range(20)]
+    records += [("/scan", k * S // 10, scan(factory, 0)) for k in range(20)]
+    arm = [transform("base_link", "arm", 0)]
+    records += [("/tf", k * S // 10, make_transforms(factory, arm)) for k in range(20)]
+    path = write_bag(tmp_path / "bag.mcap", sorted(records, key=lambda record: record[1]))
+    (unstamped,) = inspected(path, has_map_file=True).missing
+    assert unstamped.startswith("no message of /scan and base_link -> arm has a stamp,")
+
+
 def poses_on_the_map(factory: RosbagsFactory, topic: str, frame: str, x_m: float) -> list[Any]:
     """Return three poses, at 1, 2 and 3 s: at x in a frame, turned by 0.5."""
     records = []
