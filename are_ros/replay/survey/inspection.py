@@ -31,6 +31,8 @@ _CAMERA = "camera/camera_info"
 _SENSOR_ROLES = (*SENSORS, _CAMERA)
 _CLOUD = "octomap_point_cloud_centers"
 _GIVEN = "given"
+_LONG_NS = 2 * NS_PER_S
+"""In a shorter recording transforms that come slowly may come once."""
 _NO_MAP = "there is no map: give its file with --map FILE.yaml, or its topic with --topic map:="
 
 
@@ -116,6 +118,7 @@ def inspect_bag(
         *_missing_camera(reader, roles),
         *_missing_lenses(reader, sensors),
         *_missing_stamps(times),
+        *_missing_repeats(survey, reader.end_ns - reader.start_ns),
     ]
     return Inspection(
         reader.start_ns,
@@ -344,6 +347,17 @@ def _missing_stamps(times: RecordedTimes) -> Iterable[str]:
         yield (
             f"no message of {listed(unstamped)} has a stamp, so nobody knows when it was: let its"
             " publisher stamp it, and record anew"
+        )
+
+
+def _missing_repeats(survey: FrameSurvey, duration_ns: int) -> Iterable[str]:
+    """Say which transforms came once and are not static, so that they end at once, as for tf2."""
+    once = [e for e in survey.edges if e.count == 1 and not e.is_static]
+    if once and duration_ns > _LONG_NS:
+        yield (
+            f"{listed([str(edge) for edge in once])} came once on {once[0].topics[0]}, which holds"
+            " for that time only: publish it on /tf_static, or give it with"
+            f" {static_tf_option(once[0].parent, once[0].child)}"
         )
 
 

@@ -235,6 +235,23 @@ def test_what_is_stamped_0_is_missing_its_stamps(
     assert unstamped.startswith("no message of /scan and base_link -> arm has a stamp,")
 
 
+def test_a_fixed_transform_that_came_once_on_tf_is_told(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """It has to be static to last."""
+    records = [("/tf_static", 0, make_transforms(factory, [transform("map", "odom", 0)]))]
+    records += [("/odom", k * S // 10, odometry(factory, k * S // 10)) for k in range(30)]
+    lasers = [transform("base_link", "laser", S), transform("base_link", "rear", S)]
+    records.append(("/tf", S, make_transforms(factory, lasers)))
+    path = write_bag(tmp_path / "bag.mcap", sorted(records, key=lambda record: record[1]))
+    (once,) = inspected(path, has_map_file=True).missing
+    assert once == (
+        "base_link -> laser and base_link -> rear came once on /tf, which holds for that time only:"
+        " publish it on /tf_static, or give it with"
+        ' --static-tf "X Y Z YAW PITCH ROLL base_link laser"'
+    )
+
+
 def poses_on_the_map(factory: RosbagsFactory, topic: str, frame: str, x_m: float) -> list[Any]:
     """Return three poses, at 1, 2 and 3 s: at x in a frame, turned by 0.5."""
     records = []
