@@ -75,8 +75,10 @@ class RobotTracker:
 
     def pose(self, now_ns: int) -> RobotPose | None:
         """Return the latest pose not after `now_ns`, None if it is too old or not known."""
-        found, self.missing = self._transform_of(self.base_frame(), now_ns)
+        base = self.base_frame()
+        found, self.missing = self._transform_of(base, now_ns)
         if found is None:
+            self.missing += self._other_bases(base)
             return None
         stamp_ns, map_from_base = found
         last = self.last
@@ -89,6 +91,14 @@ class RobotTracker:
             footprint = self.observer.footprint.at(x, y, map_from_base.yaw_rad())
             self.last = RobotPose(stamp_ns, map_from_base, footprint)
         return self.last
+
+    def _other_bases(self, base: str) -> str:
+        """Return what helps where no frame has a usual name, but some within a namespace."""
+        if self.observer.base_frame or self._frames.has_frame(base):
+            return ""
+        names = self._frames.frame_names()
+        others = [name for name in names if name.rpartition("/")[2] in _USUAL_BASES]
+        return f"; set frames.base, to {' or '.join(others)}" if others else ""
 
     def _transform_of(self, frame: str, now_ns: int) -> _Answer:
         """Return (stamp, map_from_frame), the latest not after `now_ns`, or None and the reason."""

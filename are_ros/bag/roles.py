@@ -1,22 +1,22 @@
 """The roles of topics: the inputs of the node, found among the topics of a recording."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final
 
 from are_ros.bag.reader import BagTopic
 from are_ros.errors import BagError
 from are_ros.messages.images.image import camera_info_topic, raw_topic
+from are_ros.messages.maps import OCTOMAP_TYPE
 from are_ros.messages.sensors import SENSORS
-from are_ros.wording import listed
 
 TF_TYPES: Final = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 
 ROLE_TYPES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {
         "map": ("nav_msgs/msg/OccupancyGrid",),
-        "octomap_point_cloud_centers": ("sensor_msgs/msg/PointCloud2",),
+        "octomap_point_cloud_centers": ("sensor_msgs/msg/PointCloud2", OCTOMAP_TYPE),
         "odom": ("nav_msgs/msg/Odometry",),
         **{role: kind.type_names for role, kind in SENSORS.items()},
         "camera/camera_info": ("sensor_msgs/msg/CameraInfo",),
@@ -29,8 +29,8 @@ ROLE_TYPES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 """The roles, in the order they are listed, with the types that serve; the default is "/<role>"."""
 
 OCTOMAP: Final = "octomap_point_cloud_centers"
-"""The role of the topic with the voxels' centres."""
-_OCTOMAP_TYPE: Final = "octomap_msgs/msg/Octomap"
+"""The role of the topic with the voxels: their centres, or octomap_server's octree."""
+_UPDATE_TYPE: Final = "map_msgs/msg/OccupancyGridUpdate"
 _TELLTALES: Final = {
     OCTOMAP: "octomap",
     "tf_static": "static",
@@ -86,8 +86,9 @@ def find_roles(topics: Sequence[BagTopic], overrides: Mapping[str, str]) -> Role
     """Find a topic for each role: the override, else "/<role>", else the only one of its type.
 
     A topic that another role has by name is not considered. Where two roles share a type, the name
-    decides ("octomap", "static"). Of several CameraInfo that beside the image is taken, else that
-    beside the depth image. Topics without messages do not count.
+    decides ("octomap", "static"); centres of voxels go before octrees. Of several CameraInfo that
+    beside the image is taken, else that beside the depth image. Topics without messages do not
+    count.
     BagError for an override of an unknown role, with an absent topic, or one of another type.
     """
     chosen = {role: _overridden(topics, role, name) for role, name in overrides.items()}
@@ -107,7 +108,19 @@ def find_roles(topics: Sequence[BagTopic], overrides: Mapping[str, str]) -> Role
             images = [found[kind].topic for kind in ("image", "depth") if kind in found]
             beside = {camera_info_topic(one.name): one.name for one in images if one is not None}
             found[role] = _by_type(role, topics, free, beside)
+    found["map"] = _with_updates(found["map"], filled)
     return RolesFound(tuple(found.values()))
+
+
+def _with_updates(real_map: FoundRole, filled: Iterable[BagTopic]) -> FoundRole:
+    """Return the role of the map, whose sentence tells of changes that nobody applies."""
+    updates = "" if real_map.topic is None else f"{real_map.topic.name}_updates"
+    if updates not in {topic.name for topic in filled if topic.type_name == _UPDATE_TYPE}:
+        return real_map
+    said = f"map: {updates} is not applied, only whole maps are taken; record those (in Nav2 with"
+    said += " always_send_full_costmap), or give the last one with --map FILE.yaml"
+    sentence = "; ".join(filter(None, (real_map.sentence, said)))
+    return replace(real_map, sentence=sentence)
 
 
 def read_overrides(texts: Iterable[str]) -> dict[str, str]:
@@ -172,13 +185,16 @@ def _by_type(
     """
     types = ROLE_TYPES[role]
     why = _why_no_default(role, topics)
-    fitting = [topic for topic in free if _is_of_type(topic, role) and _suits(role, topic.name)]
-    raw = {topic.name for topic in fitting}
-    candidates = [t for t in fitting if raw_topic(t.name) == t.name or raw_topic(t.name) not in raw]
+    fitting = [topic for topic in free if _is_of_type(topic, role) and _suits(role, topic)]
+    fitting = [t for t in fitting if t.type_name == types[0]] or fitting
+    known = {topic.name for topic in fitting}
+    candidates = [topic for topic in fitting if _twin(topic.name) not in known]
     if len(candidates) == 1:
         (only,) = candidates
         so = " named so" if role in SENSORS and role in _TELLTALES else ""
-        sentence = f"{role}: {why}; {only.name}, the only {only.type_name}{so}, is used"
+        is_one = sum(topic.type_name == only.type_name for topic in fitting) == 1
+        kind = f"the only {only.type_name}{so}" if is_one else f"one of {only.type_name}"
+        sentence = f"{role}: {why}; {only.name}, {kind}, is used"
         return FoundRole(role, only, sentence)
     named = {topic.name: topic for topic in candidates}
     for name, image in beside.items():
@@ -186,21 +202,24 @@ def _by_type(
             return FoundRole(role, named[name], f"{role}: {why}; {name}, beside {image}, is used")
     if candidates:
         names = ", ".join(named)
-        sentence = f"{role}: {why}, and several topics are {types[0]}: {names}"
+        sentence = f"{role}: {why}, and several topics are {candidates[0].type_name}: {names}"
         repeatable = " (repeatable: all are augmented)" if role in SENSORS else ""
         advice = f"choose one with --topic {role}:=/NAME{repeatable}"
         return FoundRole(role, None, f"{sentence}; {advice}", tuple(named))
-    octomaps = [topic.name for topic in free if topic.type_name == _OCTOMAP_TYPE]
-    if role == OCTOMAP and octomaps:
-        return FoundRole(
-            role,
-            None,
-            f"{role}: {why}; {listed(octomaps)}, {_OCTOMAP_TYPE}, cannot be read: record"
-            " octomap_server's centres, or save it (octomap_saver_node) and give --octomap FILE",
-        )
     has_namesake = any(slashed(topic.name) == f"/{role}" for topic in topics)
     sentence = f"{role}: {why}, and no other topic serves" if has_namesake else ""
     return FoundRole(role, None, sentence)
+
+
+def _twin(topic: str) -> str:
+    """Return the topic that goes before another with the same content, "" where none would.
+
+    The raw image before the compressed, octomap_server's binary octree before the full one.
+    """
+    raw, stem = raw_topic(topic), topic.removesuffix("_full")
+    if raw != topic:
+        return raw
+    return f"{stem}_binary" if stem != topic else ""
 
 
 def _why_no_default(role: str, topics: Sequence[BagTopic]) -> str:
@@ -212,12 +231,13 @@ def _why_no_default(role: str, topics: Sequence[BagTopic]) -> str:
     return f"/{role} holds no message"
 
 
-def _suits(role: str, topic: str) -> bool:
+def _suits(role: str, topic: BagTopic) -> bool:
     """Return whether a topic's name fits this role among the roles of its type."""
+    name = topic.name.lower()
     if role in _TELLTALES:
-        return _TELLTALES[role] in topic.lower()
-    rivals = [rival for rival in _TELLTALES if ROLE_TYPES[rival] == ROLE_TYPES[role]]
-    return not any(_TELLTALES[rival] in topic.lower() for rival in rivals)
+        return _TELLTALES[role] in name or topic.type_name == OCTOMAP_TYPE
+    rivals = [rival for rival in _TELLTALES if topic.type_name in ROLE_TYPES[rival]]
+    return not any(_TELLTALES[rival] in name for rival in rivals)
 
 
 def _named(topics: Sequence[BagTopic], name: str, role: str) -> BagTopic | None:

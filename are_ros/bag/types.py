@@ -5,12 +5,13 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from are_ros.errors import InputError
+from are_ros.messages.maps import OCTOMAP_TYPE
 
 # The texts of ARE's message definitions, from msg_defs/.
 
@@ -33,6 +34,16 @@ def message_texts(folder: Path | None = None) -> dict[str, str]:
             f"{Path(package).name}/msg/{file.stem}": file.read_text("utf-8") for file in files
         }
     return dict(sorted(texts.items()))
+
+
+_OCTOMAP: Final = """
+std_msgs/Header header
+bool binary
+string id
+float64 resolution
+int8[] data
+"""
+"""octomap_msgs/Octomap, for recordings that do not define it; it is only read."""
 
 
 def definitions_folder(module: Path = Path(__file__)) -> Path:
@@ -68,7 +79,7 @@ def jazzy_typestore() -> Any:
 def new_typestore() -> Any:
     """Return a new typestore with the same types; InputError as in `jazzy_typestore`."""
     store = get_typestore(Stores.ROS2_JAZZY)
-    types: dict[str, Any] = {}
+    types = dict(get_types_from_msg(_OCTOMAP, OCTOMAP_TYPE))
     for name, text in message_texts().items():
         types |= get_types_from_msg(text, name)
     store.register(types)

@@ -14,7 +14,7 @@ from are_ros.errors import AreError, FrameError, InputError
 from are_ros.messages.common import read_header
 from are_ros.messages.goals import read_path
 from are_ros.messages.images.image import is_rectified, read_camera_info
-from are_ros.messages.maps import read_grid, read_points
+from are_ros.messages.maps import read_grid, read_voxels
 from are_ros.messages.sensors import CAMERA_INFO, SENSORS, SensorKind, lens_topics
 from are_ros.messages.transforms import OdometryNumbers, StampedTransform
 from are_ros.world.cameras import Camera
@@ -125,12 +125,12 @@ class Feed:
 
     def _cloud(self, message: RawMessage, received_ns: int) -> None:
         def decode(raw: Any, source: str) -> Any:
-            return read_points(raw, source), read_header(raw, source).frame_id
+            return *read_voxels(raw, source), read_header(raw, source).frame_id
 
-        points_m, frame_id = self._decoded(message, decode)
+        points_m, size_m, frame_id = self._decoded(message, decode)
         seconds, nanoseconds = _STAMP.unpack_from(message.data, _STAMP_AT)
         stamp_ns = seconds * NS_PER_S + nanoseconds
-        self._builder.receive_cloud(points_m, frame_id, received_ns, stamp_ns=stamp_ns)
+        self._builder.receive_cloud(points_m, frame_id, received_ns, size_m, stamp_ns)
 
     def _odometry(self, message: RawMessage, received_ns: int) -> None:
         numbers = self._decoding.odometry(message)

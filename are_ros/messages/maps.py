@@ -7,10 +7,12 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.builder.costmap.augmented_map import GridUpdate
+from are_ros.errors import InputError, MapError
 from are_ros.messages.cdr import CdrWriter
 from are_ros.messages.common import read_array, read_time
 from are_ros.messages.sensors import read_cloud
 from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.voxel_files.octomap import OctreeHeader, read_octree
 
 
 def read_grid(message: Any, source: str = "map") -> OccupancyGrid:
@@ -78,3 +80,25 @@ def read_points(message: Any, source: str = "points") -> Points:
     InputError as `PointCloud.checked`.
     """
     return read_cloud(message, source).points_m()
+
+
+OCTOMAP_TYPE: Final = "octomap_msgs/msg/Octomap"
+
+
+def read_voxels(message: Any, source: str = "octomap") -> tuple[Points, float | None]:
+    """Return the centres (N, 3) [m] of occupied voxels in the message's frame, and their size [m].
+
+    Of an octomap_msgs/Octomap, binary or full, or of a PointCloud2 (`read_points`), which has no
+    size: None. InputError where the message is malformed.
+    """
+    if not hasattr(message, "binary"):
+        return read_points(message, source), None
+    resolution_m = float(message.resolution)
+    if not 0.0 < resolution_m < np.inf:
+        raise InputError(f"{source}: the octomap's resolution is {resolution_m}")
+    header = OctreeHeader(str(message.id), not message.binary, resolution_m)
+    try:
+        centres_m = read_octree(source, read_array(message.data, np.int8).tobytes(), header)
+    except MapError as cause:
+        raise InputError(str(cause)) from cause
+    return centres_m, resolution_m

@@ -6,6 +6,7 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from are_ros.agents.events import ArtefactEvent, EventKind
+from are_ros.agents.robots import WITHOUT_STAMP
 from are_ros.bag.reader import BagReader, recording_in
 from are_ros.bag.recording import find_recording
 from are_ros.bag.roles import read_overrides, sensors_of
@@ -237,7 +238,8 @@ def complaints(outcome: Outcome) -> list[str]:
         noun = "cloud" if role == "points" else role
         passed = counted(outcome.scans[topic].passed_through, noun)
         lines.append(f"{topic}: {passed} passed through unaugmented, the last for: {problem}")
-        if _is_bare(outcome.scans[topic]) and CLOCKS_DIFFER not in problem:
+        is_of_time = CLOCKS_DIFFER in problem or WITHOUT_STAMP in problem
+        if _is_bare(outcome.scans[topic]) and not is_of_time:
             what = "CameraInfo" if "CameraInfo" in problem else "wait"
             lines[-1] += f"; `are inspect` says which --static-tf or which {what} is missing"
     lines += filter(None, [_about_waiting(outcome)])

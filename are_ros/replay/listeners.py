@@ -16,7 +16,8 @@ from are_ros.builder.sensors.sensor_path import ReleasedReading
 from are_ros.builder.tick import USUAL, Demand, Tick
 from are_ros.draw.scene import CameraAt, ScanPoints, scan_points
 from are_ros.errors import AreError
-from are_ros.messages.maps import Points, encode_grid
+from are_ros.messages.common import read_header
+from are_ros.messages.maps import OCTOMAP_TYPE, Points, encode_grid, read_voxels
 from are_ros.messages.sensors import SensorOutputs, encode_cloud
 from are_ros.messages.tick_encoding import OUTPUTS, OutputTopic, TickEncoder
 from are_ros.messages.transforms import StampedTransform, encode_transforms_cdr
@@ -73,7 +74,10 @@ _TRANSFORMS = "tf2_msgs/msg/TFMessage"
 
 
 class InputCopy(Listener):
-    """Writes the messages that the replay read under their own topics, as ROS 2 messages."""
+    """Writes the messages that the replay read under their own topics, as ROS 2 messages.
+
+    An octree is written as octomap_server's other topic, the centres of its voxels.
+    """
 
     def __init__(self, reader: BagReader, writer: BagWriter, roles: Mapping[str, str]) -> None:
         """Announce the topics; `roles` maps each topic that is read to its role."""
@@ -84,12 +88,17 @@ class InputCopy(Listener):
             if topic.name in roles and topic.name not in self._types:
                 type_name = ros2_type(topic.type_name)
                 self._types[topic.name] = type_name
+                if type_name == OCTOMAP_TYPE:
+                    continue  # few programs read it: the voxels are written as their centres
                 is_latched = roles[topic.name] in _LATCHED_ROLES
                 writer.add_topic(topic.name, type_name, is_latched=is_latched, depth=100)
 
     def take_input(self, message: BagMessage, received_ns: int) -> None:
         """Append one input; a malformed one is left out, as by the builder."""
         if message.topic not in self._types:
+            return
+        if self._types[message.topic] == OCTOMAP_TYPE:
+            self._write_octomap(message, received_ns)
             return
         if not self._reader.is_ros1:
             self._writer.write_raw(message.topic, received_ns, message.data)
@@ -99,6 +108,16 @@ class InputCopy(Listener):
         except AreError:
             return
         self._writer.write_raw(message.topic, received_ns, data)
+
+    def _write_octomap(self, message: BagMessage, received_ns: int) -> None:
+        """Append the voxels of an octree as their centres; a malformed one is left out."""
+        try:
+            octree = self._reader.deserialize(message)
+            centres_m, _ = read_voxels(octree, message.topic)
+            frame_id, stamp_ns = read_header(octree, message.topic)
+        except AreError:
+            return
+        self.write_cloud(centres_m, frame_id, received_ns, stamp_ns)
 
     def _as_ros2(self, message: BagMessage) -> bytes:
         """Return the bytes of a ROS 1 message as ROS 2 has them. Raises InputError, BagError."""
@@ -112,10 +131,14 @@ class InputCopy(Listener):
         """Append the map that came from a file, once."""
         self._write_latched(topic, "nav_msgs/msg/OccupancyGrid", 1, now_ns, encode_grid(grid))
 
-    def write_cloud(self, centres_m: Points, frame_id: str, now_ns: int) -> None:
-        """Append the voxels (N, 3) [m] that came from a file, once."""
+    def write_cloud(
+        self, centres_m: Points, frame_id: str, now_ns: int, stamp_ns: int | None = None
+    ) -> None:
+        """Append voxels (N, 3) [m]; their stamp is the present time unless given."""
         topic, kind = "/octomap_point_cloud_centers", "sensor_msgs/msg/PointCloud2"
-        data = encode_cloud(PointCloud.of_points(frame_id, now_ns, centres_m))
+        data = encode_cloud(
+            PointCloud.of_points(frame_id, now_ns if stamp_ns is None else stamp_ns, centres_m)
+        )
         self._write_latched(topic, kind, 1, now_ns, data)
 
     def write_static(self, transforms: list[StampedTransform], now_ns: int) -> None:
@@ -136,11 +159,13 @@ class InputCopy(Listener):
 class RecordKeeper(Listener):
     """Keeps the record for pictures, viewer and metrics.
 
-    `camera_since_ns` is the time of the first tick that knew the camera, None before it.
+    `camera_since_ns` is the time of the first tick that knew the camera, `map_since_ns` that of the
+    first one that knew a map; None before it.
     """
 
     def __init__(self, recorder: SceneRecorder, builder: ArBuilder) -> None:
         self.camera_since_ns: int | None = None
+        self.map_since_ns: int | None = None
         self._recorder = recorder
         self._builder = builder
         self._scans: dict[str, ReleasedReading] = {}
@@ -149,6 +174,8 @@ class RecordKeeper(Listener):
         """Keep a tick, with the camera that it looked through and the newest scan of each topic."""
         if self.camera_since_ns is None and self._builder.camera is not None:
             self.camera_since_ns = tick.stamp_ns
+        if self.map_since_ns is None and self._builder.world.grid is not None:
+            self.map_since_ns = tick.stamp_ns
         scans: list[ScanPoints] = []
         if self._recorder.wants_scans:
             scans = [*filter(None, map(self._placed, self._scans.values()))]

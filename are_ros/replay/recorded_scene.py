@@ -18,7 +18,7 @@ from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.draw.scene import ArtefactAt, Moment, ScanPoints, SceneRecord, scan_points
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.common import read_header
-from are_ros.messages.maps import read_points
+from are_ros.messages.maps import read_voxels
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
 from are_ros.population.artefact import GroundPose
@@ -201,7 +201,7 @@ class SceneReader:
         if self._cloud is None:
             return None
         try:
-            points_m = read_points(self._cloud, CLOUD)
+            points_m, size_m = read_voxels(self._cloud, CLOUD)
             frame, stamp_ns = read_header(self._cloud, CLOUD).frame_id, 0
             map_frame, tree = self._parameters.frames.map, self._robot.tree
             pose = RigidTransform.identity()
@@ -209,7 +209,7 @@ class SceneReader:
                 stamp_ns = tree.latest_common_time(map_frame, frame)
                 pose = tree.lookup(map_frame, frame, stamp_ns)
             wanted_m = self._parameters.world.voxel_size or None
-            return VoxelMap.from_centres(points_m, None, pose, CLOUD, wanted_m)
+            return VoxelMap.from_centres(points_m, size_m, pose, CLOUD, wanted_m)
         except AreError as error:
             self.cloud_problem = f"the voxels are not shown: {error}"
             return None

@@ -1,6 +1,7 @@
 """A replay: the inputs of a recording through the builder, tick by tick."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 
 from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.roles import ROLE_TYPES
@@ -8,6 +9,7 @@ from are_ros.bag.stretches import Span
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.sensors.sensor_path import ReleasedReading
 from are_ros.builder.tick import Tick, TickSchedule
+from are_ros.errors import InputError
 from are_ros.messages.feed import Feed
 from are_ros.replay.progress import Progress, Stopwatch
 from are_ros.replay.timeline import FED_BEFORE_START, ReplayOptions, Timeline
@@ -30,7 +32,8 @@ class Replay:
     """Runs one builder over the spans of a recording's timeline, by its `clock`.
 
     Ticks run at the multiples of the tick period since the epoch, each with the messages received
-    before it. Maps and transforms from before a span count as received at its beginning. Gaps
+    before it. Maps and transforms from before a span count as received at its beginning, and so do
+    static transforms that come for the first time later: they hold for the whole recording. Gaps
     between spans are skipped; all artefacts depart before each gap.
     """
 
@@ -100,11 +103,29 @@ class Replay:
         self._hand_over_readings()
 
     def _messages(self, before_ns: int, span: Span) -> Iterator[BagMessage]:
-        """Yield the maps and transforms from before the span, then the span's messages."""
+        """Yield late static transforms, what came before the span, then the span's messages."""
+        if span == self._spans[0]:
+            yield from self._late_static(span[0])
         if span[0] > before_ns:
             early = [t for t, role in self.role_of_topic.items() if role in FED_BEFORE_START]
             yield from self._reader.messages(early, before_ns, span[0])
         yield from self._reader.messages(list(self.role_of_topic), *span)
+
+    def _late_static(self, start_ns: int) -> list[BagMessage]:
+        """Return the messages after a time that first place a frame for good, the last one first.
+
+        So where several place one frame, the first stands at the end.
+        """
+        topics = [topic for topic, role in self.role_of_topic.items() if role == "tf_static"]
+        known: set[str] = set()
+        late: list[BagMessage] = []
+        for message in self._reader.messages(topics) if topics else ():
+            with suppress(InputError):  # the feed counts it when its time comes
+                children = {one.child for one in self._reader.transforms(message)}
+                if message.log_time_ns > start_ns and children - known:
+                    late.append(message._replace(log_time_ns=start_ns))
+                known |= children
+        return late[::-1]
 
     def _run_ticks(self, until_ns: int) -> None:
         while (tick_ns := self._schedule.pop(until_ns)) is not None:

@@ -39,6 +39,7 @@ from are_ros.replay.results import REPLAY_PHASE
 from are_ros.replay.runner import Listener, Replay
 from are_ros.replay.scene_record import SceneRecorder
 from are_ros.replay.survey.frame_survey import root_above, static_tf_option
+from are_ros.replay.survey.recorded_pose import option_of_poses
 from are_ros.replay.timeline import (
     LATE_CAMERA_NS,
     WITHOUT_CAMERA_INFO,
@@ -187,12 +188,13 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             with stopwatch.phase(REPLAY_PHASE):
                 progress = open_progress(replay.start_ns, replay.start_ns + replay.length_ns)
                 replay.run([keeper, standing, *writers], progress)
-            grid = _known_map(builder, replay, roles)
+            grid = _known_map(reader, builder, replay, roles)
     if scenario is not None:
         _save_scenario(options, scenario, say)
     for notice in [*builder.notices, *builder.frames.drain_notices()]:
         say(notice)
     doubts = [
+        *_late_map(replay, keeper),
         *_late_camera(options, replay, keeper),
         *_upward_cameras(builder, timeline.image_frames),
         *standing.sentences(),
@@ -293,7 +295,9 @@ def _static_transforms(parameters: Parameters, stamp_ns: int) -> list[StampedTra
     return transforms
 
 
-def _known_map(builder: ArBuilder, replay: Replay, roles: RolesFound) -> OccupancyGrid:
+def _known_map(
+    reader: BagReader, builder: ArBuilder, replay: Replay, roles: RolesFound
+) -> OccupancyGrid:
     """Return the last map; BagError where there was none, or the robot's pose was never known."""
     grid = builder.world.grid
     if grid is None:
@@ -303,12 +307,13 @@ def _known_map(builder: ArBuilder, replay: Replay, roles: RolesFound) -> Occupan
         refused = _refused(replay, _TRANSFORM_ROLES)
         reason = builder.robots.missing + (f"; refused: {refused}" if refused else "")
         raise BagError(
-            f"the robot's pose in the map was never known ({reason}): {_what_joins(builder, roles)}"
+            f"the robot's pose in the map was never known ({reason}):"
+            f" {_what_joins(reader, builder, roles)}"
         )
     return grid
 
 
-def _what_joins(builder: ArBuilder, roles: RolesFound) -> str:
+def _what_joins(reader: BagReader, builder: ArBuilder, roles: RolesFound) -> str:
     """Return what joins map and robot: topics, an option, or transforms with stamps."""
     unclear = roles.to_choose(_TRANSFORM_ROLES)
     if unclear and roles.topic("tf") is None:
@@ -324,6 +329,8 @@ def _what_joins(builder: ArBuilder, roles: RolesFound) -> str:
     root = root_above(base, parents)
     if root == map_frame or not builder.frames.has_frame(base):
         return "see `are inspect BAG`, and give what is missing with --static-tf or --map-frame"
+    if known := option_of_poses(reader, roles, map_frame, root, base):
+        return known
     return (
         f"see `are inspect BAG`, and give {static_tf_option(map_frame, root)}, which `are align`"
         " finds by the scans, or the map's frame with --map-frame"
@@ -356,6 +363,16 @@ def _camera_problem(
         f"the camera's pose is not known: {builder.camera_missing}{cause}; "
         "give it with --static-tf, or set camera.frame"
     )
+
+
+def _late_map(replay: Replay, keeper: RecordKeeper) -> list[str]:
+    """Return a sentence if the map was unknown for a while at the beginning."""
+    late_s = ((keeper.map_since_ns or replay.start_ns) - replay.start_ns) / NS_PER_S
+    if late_s * NS_PER_S <= LATE_CAMERA_NS:
+        return []
+    topic = next(topic for topic, role in replay.role_of_topic.items() if role == "map")
+    said = f"nobody could arrive in the first {late_s:.1f} s: no map came on {topic} before"
+    return [f"{said}; --map FILE.yaml takes one from the beginning on"]
 
 
 def _late_camera(options: ReplayOptions, replay: Replay, keeper: RecordKeeper) -> list[str]:

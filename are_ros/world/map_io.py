@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +22,8 @@ _PGM_HEADER: Final = re.compile(
     rb"P([25])" + 3 * (_GAP + rb"(\d{1,9})") + rb"\s",
 )
 _PNG_SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
+_BMP_SIGNATURE: Final = b"BM"
+_IMAGE_SUFFIXES: Final = (".pgm", ".png", ".bmp")
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,16 +31,17 @@ class MapImage:
     """An image, row 0 at the top.
 
     `sums` is int64 (height, width), the sum of the colour channels, of which `full` is white;
-    `opacity` is uint8 (height, width), 255 opaque, or None where the image has no alpha.
+    `opacity` is int64 (height, width), `opaque` where it hides, or None where there is no alpha.
     """
 
     sums: npt.NDArray[np.int64]
     full: int
-    opacity: npt.NDArray[np.uint8] | None = None
+    opacity: npt.NDArray[np.int64] | None = None
+    opaque: int = 255
 
 
 def read_map_image(path: Path) -> MapImage:
-    """Return the image of a pgm or png file, 8 bits a channel; MapError if it is anything else."""
+    """Return the image of a pgm, png or bmp file; MapError if it is anything else."""
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -48,7 +51,9 @@ def read_map_image(path: Path) -> MapImage:
         return _png(path, data)
     if data[:2] in {b"P2", b"P5"}:
         return _pgm(path, data)
-    raise MapError(f"{path}: the image is neither pgm (P2, P5) nor png")
+    if data.startswith(_BMP_SIGNATURE):
+        return _bmp(path, data)
+    raise MapError(f"{path}: the image is neither pgm (P2, P5) nor png nor bmp")
 
 
 def _pgm(path: Path, data: bytes) -> MapImage:
@@ -56,14 +61,16 @@ def _pgm(path: Path, data: bytes) -> MapImage:
     if header is None:
         raise MapError(f"{path}: the pgm header is malformed or truncated")
     kind, width, height, full = (int(text) for text in header.groups())
-    if full > 255:
-        raise MapError(f"{path}: samples up to {full} are 16 bit, only 8 bit images are supported")
-    if not (width and height and full):
+    if not (width and height and 0 < full < 65536):
         raise MapError(f"{path}: the pgm header says {width} x {height} pixels up to {full}")
     body, count = data[header.end() :], width * height
-    samples: npt.NDArray[np.integer] = (
-        np.frombuffer(body[:count], np.uint8) if kind == 5 else _plain_samples(path, body, count)
-    )
+    samples: npt.NDArray[np.integer]
+    if kind == 5:
+        sample = np.dtype(np.uint8 if full < 256 else ">u2")
+        held = min(count, len(body) // sample.itemsize)
+        samples = np.frombuffer(body, sample, count=held)
+    else:
+        samples = _plain_samples(path, body, count)
     if len(samples) < count:
         raise MapError(f"{path}: the image is truncated, {len(samples)} pixels of {count}")
     if int(samples.max()) > full:
@@ -80,20 +87,34 @@ def _plain_samples(path: Path, body: bytes, count: int) -> npt.NDArray[np.intege
 
 def _png(path: Path, data: bytes) -> MapImage:
     _check_png(path, data)
+    image = _decoded(path, data, "png")
+    channels = image.reshape(*image.shape[:2], -1)
+    colours = channels[:, :, :3]
+    sums, white = colours.sum(axis=2, dtype=np.int64), int(np.iinfo(image.dtype).max)
+    opacity = channels[:, :, 3].astype(np.int64) if channels.shape[2] == 4 else None
+    return MapImage(sums, white * colours.shape[2], opacity, white)
+
+
+def _bmp(path: Path, data: bytes) -> MapImage:
+    """Return the colours; the fourth byte of a pixel is mostly unused, and no alpha."""
+    if len(data) < int.from_bytes(data[2:6], "little"):
+        raise MapError(f"{path}: the bmp is truncated")
+    image = _decoded(path, data, "bmp")
+    colours = image.reshape(*image.shape[:2], -1)[:, :, :3]
+    return MapImage(colours.sum(axis=2, dtype=np.int64), 255 * colours.shape[2])
+
+
+def _decoded(path: Path, data: bytes, kind: str) -> npt.NDArray[np.integer]:
     import cv2
 
     try:
         image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
-        message = f"{path}: the png cannot be decoded"
+        message = f"{path}: the {kind} cannot be decoded"
         raise MapError(message) from error
     if image is None:
-        raise MapError(f"{path}: the png cannot be decoded")
-    channels = image.reshape(*image.shape[:2], -1)
-    colours = channels[:, :, :3]
-    sums = colours.sum(axis=2, dtype=np.int64)
-    opacity = channels[:, :, 3] if channels.shape[2] == 4 else None
-    return MapImage(sums, 255 * colours.shape[2], opacity)
+        raise MapError(f"{path}: the {kind} cannot be decoded")
+    return cast("npt.NDArray[np.integer]", image)
 
 
 def _check_png(path: Path, data: bytes) -> None:
@@ -108,12 +129,7 @@ def _check_png(path: Path, data: bytes) -> None:
         name, body = data[position + 4 : position + 8], data[position + 8 : end - 4]
         if zlib.crc32(name + body) != int.from_bytes(data[end - 4 : end], "big"):
             raise MapError(f"{path}: the png is corrupt (checksum)")
-        if name == b"IHDR" and body[8:9] == b"\x10":
-            raise MapError(f"{path}: the png has 16 bits a channel, only 8 are supported")
         position = end
-
-
-_OPAQUE = 255
 
 
 class MapMode(Enum):
@@ -169,10 +185,10 @@ def _cells(image: MapImage, metadata: _Metadata) -> npt.NDArray[np.int8]:
     """Return the cells by a table over every sum of channels that can occur."""
     sums, full = image.sums, image.full
     if image.opacity is not None and metadata.mode is MapMode.TRINARY:
-        sums, full = sums + image.opacity, full + _OPAQUE
+        sums, full = sums + image.opacity, full + image.opaque
     cells = _table(np.arange(full + 1) / full, metadata)[sums]
     if image.opacity is not None and metadata.mode is MapMode.SCALE:
-        cells[image.opacity != _OPAQUE] = UNKNOWN
+        cells[image.opacity != image.opaque] = UNKNOWN
     return cells
 
 
@@ -214,6 +230,11 @@ def _read_metadata(path: Path) -> _Metadata:
 
 
 def _read_yaml(path: Path) -> Mapping[str, Any]:
+    if path.suffix.lower() in _IMAGE_SUFFIXES:
+        raise MapError(
+            f"{path}: this is the map's image; give the .yaml file that names it, with its"
+            " resolution and origin"
+        )
     fields = read_yaml(path, f"{path}: the map file", MapError)
     if not isinstance(fields, dict):
         raise MapError(f"{path}: the map file is no mapping of fields to values")

@@ -37,6 +37,20 @@ def test_the_base_frame(configured: str, frames_there: tuple[str, ...], expected
     assert robots.base_frame() == expected
 
 
+def test_bases_within_namespaces_are_told_with_what_helps() -> None:
+    """Which of them is the robot's nobody can tell, for others may join later."""
+    robots, frames = tracker()
+    for name in ("robot1/base_link", "robot2/base_footprint", "robot1/base_link_inertia"):
+        frames.set_static("map", name, (0.0, 0.0, 0.0), NO_TURN)
+    assert robots.pose(10) is None
+    assert robots.missing.endswith(
+        "; set frames.base, to robot1/base_link or robot2/base_footprint"
+    )
+    configured, _ = tracker("chassis")
+    assert configured.pose(10) is None
+    assert "set frames.base" not in configured.missing
+
+
 def test_a_pose_is_as_old_as_max_age_at_the_most() -> None:
     """At the bound it is taken, a nanosecond later not, and the reason is told."""
     robots, frames = tracker()

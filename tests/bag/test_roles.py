@@ -186,13 +186,33 @@ def test_of_several_cameras_that_of_the_image_is_taken() -> None:
     assert find_roles(lone, {}).to_choose(ROLE_TYPES) == ("camera/camera_info",)
 
 
-def test_an_octomap_as_a_message_is_named_with_what_can_be_read() -> None:
-    """Only where nothing else tells the voxels."""
-    octomap = "octomap_msgs/msg/Octomap"
+def test_an_octree_gives_the_voxels_where_nothing_else_does() -> None:
+    """Its name does not matter; the binary goes before the full one, and centres before both."""
+    role, octomap = "octomap_point_cloud_centers", "octomap_msgs/msg/Octomap"
     both = topics(octomap_binary=octomap, octomap_full=octomap)
-    (sentence,) = find_roles(both, {}).sentences()
-    assert sentence.startswith(
-        "octomap_point_cloud_centers: there is no /octomap_point_cloud_centers; /octomap_binary and"
-        f" /octomap_full, {octomap}, cannot be read: record octomap_server's"
+    roles = find_roles(both, {})
+    assert roles.topic(role) == "/octomap_binary"
+    assert roles.sentences() == (
+        f"{role}: there is no /{role}; /octomap_binary, one of {octomap}, is used",
     )
+    assert find_roles(topics(robot__voxels=octomap), {}).topic(role) == "/robot/voxels"
+    assert find_roles(both, {role: "/octomap_full"}).topic(role) == "/octomap_full"
     assert find_roles([*both, *topics(octomap_point_cloud_centers=CLOUD)], {}).sentences() == ()
+    with_centres = find_roles([*both, *topics(my__octomap_centers=CLOUD, velodyne=CLOUD)], {})
+    assert with_centres.topic(role) == "/my/octomap_centers"
+    assert with_centres.topic("points") == "/velodyne"
+    unclear = find_roles(topics(one=octomap, other=octomap), {})
+    assert unclear.to_choose([role]) == (role,)
+    assert f"several topics are {octomap}: /one, /other" in unclear.sentences()[0]
+
+
+def test_changes_of_the_map_that_nobody_applies_are_told() -> None:
+    """Those of the topic that is the map; others do not matter."""
+    grid, update = "nav_msgs/msg/OccupancyGrid", "map_msgs/msg/OccupancyGridUpdate"
+    (sentence,) = find_roles(topics(map=grid, map_updates=update), {}).sentences()
+    assert sentence.startswith("map: /map_updates is not applied, only whole maps are taken;")
+    (sentence,) = find_roles(topics(costmap=grid, costmap_updates=update), {}).sentences()
+    assert "/costmap, the only" in sentence
+    assert "; map: /costmap_updates is not applied" in sentence
+    assert find_roles(topics(map=grid, costmap_updates=update), {}).sentences() == ()
+    assert find_roles(topics(map_updates=update), {}).topic("map") is None

@@ -1,5 +1,6 @@
 """A replay's order of things: inputs, ticks, and what lies before the window."""
 
+import copy
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -206,3 +207,46 @@ def _range(factory: RosbagsFactory, header: Any, range_m: float) -> Any:
         range=range_m,
         variance=0.0,
     )
+
+
+class Poses(Diary):
+    """A diary that keeps where the robot was at each tick."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.poses: list[list[float] | None] = []
+
+    def take_tick(self, tick: Tick) -> None:
+        """Note the robot's place."""
+        at = tick.map_from_base
+        self.poses.append(None if at is None else at.translation_m.tolist())
+
+
+def test_static_transforms_hold_from_the_beginning_whenever_they_come(
+    tmp_path: Path, write_bag: WriteBag, sample_records: Records
+) -> None:
+    """A recorder that missed the first ones; of two about one frame the earlier holds till then."""
+    (statics,) = (m for topic, _, m in sample_records if topic == "/tf_static")
+    begin_ns = sample_records[0][1]
+    moved = copy.deepcopy(statics)
+    for transform in moved.transforms:
+        transform.transform.translation.x += 1.0
+    others = [record for record in sample_records if record[0] != "/tf_static"]
+
+    def poses(*at_s: tuple[float, Any]) -> list[list[float] | None]:
+        told = [("/tf_static", begin_ns + round(s * NS_PER_S), message) for s, message in at_s]
+        records = sorted([*others, *told], key=lambda record: record[1])
+        path = write_bag(tmp_path / f"{len(list(tmp_path.iterdir()))}.mcap", records)
+        noted = Poses()
+        with BagReader([path]) as reader:
+            # in the sample the base is base_footprint, which is no child of a static transform
+            prepared(reader, {"frames.base": "base_scan"}).run([noted], lambda _: None)
+        return noted.poses
+
+    usual, late = poses((0.0, statics)), poses((3.0, statics))
+    assert None not in usual[1:]
+    assert late == usual
+    twice = poses((3.0, statics), (4.0, moved))
+    assert twice[:40] == usual[:40]
+    assert twice[45] != usual[45]
+    assert poses((0.0, statics), (4.0, moved)) == twice

@@ -13,9 +13,12 @@ import pytest
 import yaml
 
 from are_ros.bag.reader import BagReader
+from are_ros.bag.types import RosbagsFactory
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.maps import read_points
+from are_ros.messages.transforms import read_transforms
 from are_ros.replay.recorded_scene import read_recorded_scene
+from are_ros.world.transforms.tree import FrameTree
 
 CAMERA = "/camera/camera_info"
 Records = Sequence[tuple[str, int, Any]]
@@ -401,3 +404,59 @@ def test_an_octomap_that_cannot_be_used_names_its_file(
     assert done.returncode == 1
     assert f"{octomap}: 2740 x 2420 x 175 voxels of 0.05 m are more than 1073741824" in done.stderr
     assert "set world.voxel_size to 0.1 m" in done.stderr
+
+
+def test_a_map_that_comes_late_is_told_with_what_helps(
+    run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path
+) -> None:
+    """Until then nobody can arrive."""
+    for late_s in (0, 3):
+        records = [(t, at + (t == "/map") * late_s * NS_PER_S, m) for t, at, m in sample_records]
+        bag = write_bag(tmp_path / f"{late_s}.mcap", sorted(records, key=lambda r: r[1]))
+        done = run_are("replay", bag, "--out", tmp_path / f"{late_s}_out")
+        said = "nobody could arrive in the first 3.1 s: no map came on /map before; --map FILE"
+        assert (said in done.stdout + done.stderr) == (late_s == 3)
+
+
+def test_poses_on_the_map_stand_in_for_its_transform(
+    run_are: RunAre,
+    write_bag: WriteBag,
+    sample_records: Records,
+    factory: RosbagsFactory,
+    tmp_path: Path,
+) -> None:
+    """A replay without map->odom ends with the option; with it, the robot is where it was."""
+    tree, records, poses = FrameTree(100 * NS_PER_S), [], []
+    for topic, at_ns, original in sample_records:
+        message = copy.deepcopy(original)
+        if topic in {"/tf", "/tf_static"}:
+            for parent, child, stamp_ns, place, turn in read_transforms(message):
+                if topic == "/tf_static":
+                    tree.set_static(parent, child, place, turn)
+                else:
+                    tree.set_transform(parent, child, stamp_ns, place, turn)
+            message.transforms = [t for t in message.transforms if t.child_frame_id != "odom"]
+        records.append((topic, at_ns, message))
+    begin_ns = sample_records[0][1]
+    for second in (1, 2, 3, 4):
+        at_ns = begin_ns + second * NS_PER_S
+        there = tree.lookup("map", "base_footprint", at_ns)
+        pose = factory.make("geometry_msgs/msg/PoseWithCovarianceStamped")
+        pose.header.frame_id = "map"
+        pose.header.stamp.sec, pose.header.stamp.nanosec = divmod(at_ns, NS_PER_S)
+        at, turn = pose.pose.pose.position, pose.pose.pose.orientation
+        at.x, at.y, at.z = there.translation_m.tolist()
+        turn.x, turn.y, turn.z, turn.w = there.rotation_xyzw.tolist()
+        poses.append(there)
+        records.append(("/amcl_pose", at_ns, pose))
+    bag = write_bag(tmp_path / "bag.mcap", sorted(records, key=lambda record: record[1]))
+    failed = run_are("replay", bag, "--out", tmp_path / "failed")
+    assert failed.returncode == 1
+    _, _, option = failed.stderr.partition('/amcl_pose tells it: give --static-tf "')
+    option = option.partition('"')[0]
+    done = run_are("replay", bag, "--static-tf", option, "--with-inputs", "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    base = read_recorded_scene(tmp_path / "out", lambda _start, _end: lambda _now: None).record.base
+    for second, there in enumerate(poses, 1):
+        (row,) = np.flatnonzero(base.stamps_ns == begin_ns + second * NS_PER_S)
+        assert np.linalg.norm(base.poses[row, :3] - there.translation_m) < 0.05

@@ -8,7 +8,13 @@ import numpy.typing as npt
 import pytest
 import trimesh
 
-from tests.replay.conftest import RunAre
+from are_ros.bag.reader import BagReader
+from are_ros.bag.types import RosbagsFactory, jazzy_typestore
+from are_ros.builder.sensors.point_cloud import PointCloud
+from are_ros.messages.common import read_header
+from are_ros.messages.maps import read_points, read_voxels
+from are_ros.messages.sensors import encode_cloud
+from tests.replay.conftest import MANY, Records, RunAre, WriteBag
 
 SIZE_M = 0.1
 WALL = np.argwhere(np.ones((2, 30, 20))) + np.array((60, 30, 0))
@@ -73,3 +79,83 @@ def test_the_format_of_the_file_does_not_matter(
         recorded[name] = (out / "augmented.mcap").read_bytes()
     assert len({recorded[name] for name in files}) == 1
     assert recorded["none"] != recorded["bt"]
+
+
+@pytest.mark.parametrize("is_full", [False, True])
+def test_an_octree_in_a_recording_gives_what_its_centres_do(
+    run_are: RunAre,
+    write_bag: WriteBag,
+    sample_records: Records,
+    factory: RosbagsFactory,
+    tmp_path: Path,
+    is_full: bool,
+) -> None:
+    """The bytes of a replay are the same, its inputs too; /octomap_binary and _full are read."""
+    name = "full" if is_full else "binary"
+    octrees, centres = [], []
+    for topic, at_ns, message in sample_records:
+        if topic != "/octomap_point_cloud_centers":
+            octrees.append((topic, at_ns, message))
+            centres.append((topic, at_ns, message))
+            continue
+        voxels = np.floor(read_points(message) / SIZE_M).astype(np.int64)
+        data = octomap(voxels, is_full=is_full).partition(b"\ndata\n")[2]
+        octree = factory.make(
+            "octomap_msgs/msg/Octomap",
+            header=message.header,
+            binary=not is_full,
+            id="OcTree",
+            resolution=SIZE_M,
+            data=np.frombuffer(data, np.int8),
+        )
+        octrees.append((f"/octomap_{name}", at_ns, octree))
+        points_m = read_voxels(octree)[0]
+        cloud = PointCloud.of_points("map", read_header(message, "").stamp_ns, points_m)
+        store = jazzy_typestore()
+        centres.append(
+            (topic, at_ns, store.deserialize_cdr(encode_cloud(cloud), message.__msgtype__))
+        )
+        assert sorted(map(tuple, (voxels + 0.5).tolist())) == sorted(
+            map(tuple, (points_m / SIZE_M).round(3).tolist())
+        )
+    outs = []
+    for folder, records in (("octree", octrees), ("centres", centres)):
+        bag, out = write_bag(tmp_path / f"{folder}.mcap", records), tmp_path / f"{folder}_out"
+        done = run_are("replay", bag, *MANY, "--with-inputs", "--also", "octomap", "--out", out)
+        assert done.returncode == 0, done.stderr
+        outs.append(out)
+    assert messages_of(outs[0]) == messages_of(outs[1])
+    checked = run_are("check", outs[0])
+    assert checked.returncode == 0, checked.stdout
+
+
+def messages_of(out: Path) -> list[tuple[str, int, bytes]]:
+    """Return what a replay wrote."""
+    with BagReader([out / "augmented.mcap"]) as reader:
+        return [(m.topic, m.log_time_ns, bytes(m.data)) for m in reader.messages()]
+
+
+def test_damaged_octrees_in_a_recording_are_refused_in_one_sentence(
+    run_are: RunAre,
+    write_bag: WriteBag,
+    sample_records: Records,
+    factory: RosbagsFactory,
+    tmp_path: Path,
+) -> None:
+    """A replay counts them and goes on; the walls of the map stand in."""
+    name, bad = "octomap_msgs/msg/Octomap", []
+    good = octomap(WALL, is_full=True).partition(b"\ndata\n")[2]
+    for number, (tree, resolution, data) in enumerate(
+        [("OcTree", SIZE_M, good[:-3]), ("Unknown", SIZE_M, good), ("OcTree", 0.0, good)]
+    ):
+        octree = factory.make(
+            name, id=tree, resolution=resolution, data=np.frombuffer(data, np.int8)
+        )
+        octree.header.frame_id = "map"
+        bad.append(("/octomap_full", sample_records[0][1] + number, octree))
+    records = [r for r in sample_records if r[0] != "/octomap_point_cloud_centers"]
+    bag = write_bag(tmp_path / "bag.mcap", sorted([*records, *bad], key=lambda r: r[1]))
+    done = run_are("replay", bag, "--with-inputs", "--out", tmp_path / "out")
+    assert done.returncode == 3, done.stderr
+    said = "/octomap_full: the octomap's data are truncated, 7117 bytes are too few (3 messages)"
+    assert f"refused: {said}" in done.stderr

@@ -212,7 +212,9 @@ def test_a_missing_file_is_refused(tmp_path: Path) -> None:
         (b"P5\n3 2\n255\nabc", "truncated, 3 pixels of 6"),
         (b"P5\n99999 99999\n255\nabc", "truncated"),
         (b"P5\n40000 1\n255\n" + bytes(40000), "info.width is 40000"),
-        (b"P5\n1 1\n65535\nab", "16 bit"),
+        (b"P5\n1 2\n65535\nabc", "truncated, 1 pixels of 2"),
+        (b"P5\n1 1\n256\n\x01\x01", "a pixel of 257 exceeds"),
+        (b"P5\n1 1\n65536\nabc", "up to 65536"),
         (b"P5\n0 1\n255\n", "0 x 1 pixels"),
         (b"P5\n1 1\n0\n\0", "up to 0"),
         (b"P5\n1 1\n100\n\xff", "a pixel of 255 exceeds"),
@@ -220,10 +222,12 @@ def test_a_missing_file_is_refused(tmp_path: Path) -> None:
         (b"P2\n2 1\n255\n1 x", "no number"),
         (b"P2\n2 1\n255\n1 -1", "no number"),
         (b"\x89PNG\r\n\x1a\n", "truncated"),
+        (b"BM\x40\0\0\0abc", "bmp is truncated"),
+        (b"BM\x09\0\0\0abc", "bmp cannot be decoded"),
     ],
 )
 def test_bad_images_are_refused(tmp_path: Path, image: bytes, reason: str) -> None:
-    """A wrong, truncated or 16 bit image never becomes a map."""
+    """A wrong or truncated image never becomes a map."""
     with pytest.raises(MapError, match=reason):
         read_map_file(write_map(tmp_path, image), "map")
 
@@ -240,11 +244,42 @@ def test_every_truncation_and_damage_of_a_png_is_refused(tmp_path: Path) -> None
     assert (read_map_file(write_map(tmp_path, whole), "map").cells == 0).all()
 
 
-def test_a_png_of_16_bits_is_refused(tmp_path: Path) -> None:
-    """Its brightness would be cut to 8 bits."""
-    path = write_png(tmp_path, np.zeros((2, 2), np.uint16))
-    with pytest.raises(MapError, match="16 bits"):
-        read_map_file(path, "map")
+@pytest.mark.parametrize("mode", ["trinary", "scale", "raw"])
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_images_of_16_bits_are_read_to_the_last_bit(
+    tmp_path: Path, mode: str, channels: int
+) -> None:
+    """As GIMP saves them: brightness is of 65535, and so is opacity."""
+    pixels = np.random.default_rng(6).integers(0, 65536, (16, 16, channels), dtype=np.uint16)
+    pixels[:, :8, 3:] = 65535
+    grid = read_map_file(write_png(tmp_path, pixels, mode=mode))
+    for row in range(16):
+        for col in range(16):
+            values = [int(value) for value in pixels[15 - row, col]]
+            shade, opaque = brightness(values, mode) * 255 / 65535, values[3:] in ([], [65535])
+            assert grid.cells[row, col] == twin(shade, mode, negate=False, opaque=opaque), values
+    if channels == 1:
+        image = b"P5\n16 16\n65535\n" + pixels.astype(">u2").tobytes()
+        same = read_map_file(write_map(tmp_path, image, {"mode": mode}))
+        assert np.array_equal(same.cells, grid.cells)
+
+
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_a_bmp_is_the_same_map_as_a_png(tmp_path: Path, channels: int) -> None:
+    """The fourth byte of its pixels hides nothing, whatever it holds."""
+    pixels = np.random.default_rng(7).integers(0, 256, (9, 7, channels), dtype=np.uint8)
+    colours = pixels[:, :, :3]
+    expected = read_map_file(write_png(tmp_path, colours, mode="scale")).cells
+    assert cv2.imwrite(str(tmp_path / "c.bmp"), pixels)
+    grid = read_map_file(write_map(tmp_path, fields={"image": "c.bmp", "mode": "scale"}))
+    assert np.array_equal(grid.cells, expected)
+
+
+def test_an_image_in_place_of_the_map_file_is_told_as_such(tmp_path: Path) -> None:
+    """Its resolution is not known."""
+    write_map(tmp_path)
+    with pytest.raises(MapError, match=r"a\.pgm: this is the map's image; give the \.yaml file"):
+        read_map_file(tmp_path / "a.pgm")
 
 
 @pytest.mark.parametrize(

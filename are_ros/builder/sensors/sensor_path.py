@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
+from are_ros.agents.robots import WITHOUT_STAMP
 from are_ros.builder.occlusion.meshes import MeshSelection
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.scene import Scene
@@ -225,10 +226,13 @@ class SensorPath:
         age_ns = now_ns - reading.stamp_ns
         if age_ns <= self._history_ns:
             return False
-        self._pass_through(
-            f"its stamp is {age_ns / NS_PER_S:.1f} s old, but the artefacts' poses are kept for "
-            f"{self._history_ns / NS_PER_S:g} s only (poses.history); {CLOCKS_DIFFER}"
-        )
+        problem = f"it {WITHOUT_STAMP}: let its driver stamp it"
+        if reading.stamp_ns:
+            problem = (
+                f"its stamp is {age_ns / NS_PER_S:.1f} s old, but the artefacts' poses are kept for"
+                f" {self._history_ns / NS_PER_S:g} s only (poses.history); {CLOCKS_DIFFER}"
+            )
+        self._pass_through(problem)
         return True
 
     def _exact_pose(self, reading: Reading) -> RigidTransform | None:

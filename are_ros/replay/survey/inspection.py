@@ -22,14 +22,17 @@ from are_ros.messages.sensors import SENSORS, lens_topics
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.model import PosesParameters, SensorsParameters
 from are_ros.replay.survey.frame_survey import FrameSurvey, FrameSurveyor, hertz, static_tf_option
+from are_ros.replay.survey.recorded_pose import option_of_poses
 from are_ros.replay.timeline import LATE_CAMERA_NS, WITHOUT_CAMERA_INFO
-from are_ros.wording import aligned, counted, section
+from are_ros.wording import aligned, counted, listed, section
 from are_ros.world.transforms.table import TransformSource
 
 _CAMERA = "camera/camera_info"
 _SENSOR_ROLES = (*SENSORS, _CAMERA)
 _CLOUD = "octomap_point_cloud_centers"
 _GIVEN = "given"
+_LONG_NS = 2 * NS_PER_S
+"""In a shorter recording transforms that come slowly may come once."""
 _NO_MAP = "there is no map: give its file with --map FILE.yaml, or its topic with --topic map:="
 
 
@@ -108,12 +111,14 @@ def inspect_bag(
         *([] if map_topic or has_map_file else [_NO_MAP]),
         *_other_map_frame(map_topic, map_frame, world_frame),
         *survey.refused,
-        *_missing_pose(survey, map_frame, base_frame),
+        *_missing_pose(survey, map_frame, base_frame, reader, roles),
         *_turned_round(survey),
         *_missing_mounts(survey, (*sensors, *scans), frame_ids, base_frame),
         *_missing_cloud_frame(survey, roles.topic(_CLOUD), frame_ids, map_frame),
         *_missing_camera(reader, roles),
         *_missing_lenses(reader, sensors),
+        *_missing_stamps(times),
+        *_missing_repeats(survey, reader.end_ns - reader.start_ns),
     ]
     return Inspection(
         reader.start_ns,
@@ -244,7 +249,9 @@ def _other_map_frame(map_topic: str | None, map_frame: str, world_frame: str) ->
         )
 
 
-def _missing_pose(survey: FrameSurvey, map_frame: str, base_frame: str) -> Iterable[str]:
+def _missing_pose(
+    survey: FrameSurvey, map_frame: str, base_frame: str, reader: BagReader, roles: RolesFound
+) -> Iterable[str]:
     """Say what keeps the robot's pose on the map from being known."""
     known = ", ".join(survey.frames()) or "none"
     if not base_frame:
@@ -256,11 +263,13 @@ def _missing_pose(survey: FrameSurvey, map_frame: str, base_frame: str) -> Itera
     elif map_frame not in survey.connected_to(base_frame):
         beside = ", ".join(sorted(survey.connected_to(base_frame) - {base_frame}))
         others = f", which hangs together with {beside}" if beside else ""
-        option = static_tf_option(map_frame, survey.root_of(base_frame))
-        yield (
-            f"nothing joins {map_frame} to {base_frame}{others}: give the transform with"
-            f" {option}, which `are align` finds by the scans, or the map's frame with --map-frame"
+        root = survey.root_of(base_frame)
+        known = option_of_poses(reader, roles, map_frame, root, base_frame)
+        unknown = (
+            f"give the transform with {static_tf_option(map_frame, root)}, which `are align` finds"
+            " by the scans, or the map's frame with --map-frame"
         )
+        yield f"nothing joins {map_frame} to {base_frame}{others}: {known or unknown}"
 
 
 def _turned_round(survey: FrameSurvey) -> Iterable[str]:
@@ -328,6 +337,28 @@ def _missing_lenses(reader: BagReader, sensors: Mapping[str, str]) -> Iterable[s
     for topic, lens_topic in lens_topics(sensors).items():
         if lens_topic not in filled:
             yield f"{topic} has no CameraInfo beside it, on {lens_topic}: it is not augmented"
+
+
+def _missing_stamps(times: RecordedTimes) -> Iterable[str]:
+    """Say which readings and moving transforms were stamped 0 all the time."""
+    several = [one for one in (*times.scans.values(), *times.edges.values()) if len(one.log_ns) > 1]
+    unstamped = [one.name for one in several if not one.stamps_ns.any()]
+    if unstamped:
+        yield (
+            f"no message of {listed(unstamped)} has a stamp, so nobody knows when it was: let its"
+            " publisher stamp it, and record anew"
+        )
+
+
+def _missing_repeats(survey: FrameSurvey, duration_ns: int) -> Iterable[str]:
+    """Say which transforms came once and are not static, so that they end at once, as for tf2."""
+    once = [e for e in survey.edges if e.count == 1 and not e.is_static]
+    if once and duration_ns > _LONG_NS:
+        yield (
+            f"{listed([str(edge) for edge in once])} came once on {once[0].topics[0]}, which holds"
+            " for that time only: publish it on /tf_static, or give it with"
+            f" {static_tf_option(once[0].parent, once[0].child)}"
+        )
 
 
 # The text of `are inspect`.

@@ -39,12 +39,17 @@ _NODES: Final = {
 _WHOLE, _TRUNCATED, _TOO_DEEP = 0, 1, 2
 
 
-class _Header(NamedTuple):
+class OctreeHeader(NamedTuple):
+    """What an octree's bytes do not tell: the type of its nodes, its kind, the finest voxel's size.
+
+    `node_count` is None where nobody counted them; `data_start` is the length of a file's header.
+    """
+
     tree_type: str
     is_full: bool
-    node_count: int
     resolution_m: float
-    data_start: int
+    node_count: int | None = None
+    data_start: int = 0
 
 
 def read_voxel_file(path: Path, voxel_size_m: float | None) -> tuple[Points, float | None]:
@@ -73,18 +78,30 @@ def read_octomap_file(path: Path) -> tuple[npt.NDArray[np.float32], float]:
     """
     data = read_bytes(path)
     header = _parsed_header(path, data)
-    leaves = _occupied_leaves(path, data[header.data_start :], header)
+    centres_m = read_octree(str(path), data[header.data_start :], header)
+    return centres_m, header.resolution_m
+
+
+def read_octree(source: str, data: bytes, header: OctreeHeader) -> npt.NDArray[np.float32]:
+    """Return the centres (N, 3) [m], float32, of `read_octomap_file` from an octree's bytes alone.
+
+    Raises MapError as there, but for a missing file; its sentence begins with `source`.
+    """
+    if header.tree_type not in _NODES:
+        known = tuple(_NODES)
+        raise MapError(f"{source}: the octomap's id is {header.tree_type}, not one of {known}")
+    leaves = _occupied_leaves(source, data, header)
     count = sum(8 ** int(level) * int(n) for level, n in enumerate(np.bincount(leaves[:, 3])))
     if count > MAX_CENTRES:
         message = (
-            f"{path}: {count} voxels of {header.resolution_m:g} m are more than {MAX_CENTRES};"
+            f"{source}: {count} voxels of {header.resolution_m:g} m are more than {MAX_CENTRES};"
             f" crop or coarsen the octomap"
         )
         raise MapError(message)
-    return _expanded(leaves, count, header.resolution_m), header.resolution_m
+    return _expanded(leaves, count, header.resolution_m)
 
 
-def _parsed_header(path: Path, data: bytes) -> _Header:
+def _parsed_header(path: Path, data: bytes) -> OctreeHeader:
     is_full = _is_full(path, data)
     fields: dict[str, str] = {}
     position = 0
@@ -98,11 +115,8 @@ def _parsed_header(path: Path, data: bytes) -> _Header:
             break
         if len(words) > 1 and not words[0].startswith("#"):
             fields[words[0]] = words[1]
-    tree_type = fields.get("id")
-    if tree_type not in _NODES:
-        raise MapError(f"{path}: the octomap's id is {tree_type}, not one of {tuple(_NODES)}")
-    counts = _node_count(path, fields), _resolution_m(path, fields)
-    return _Header(tree_type, is_full, *counts, position)
+    numbers = _resolution_m(path, fields), _node_count(path, fields)
+    return OctreeHeader(fields.get("id", "None"), is_full, *numbers, position)
 
 
 def _is_full(path: Path, data: bytes) -> bool:
@@ -138,21 +152,23 @@ def _resolution_m(path: Path, fields: dict[str, str]) -> float:
     return resolution_m
 
 
-def _occupied_leaves(path: Path, data: bytes, header: _Header) -> npt.NDArray[np.int64]:
+def _occupied_leaves(source: str, data: bytes, header: OctreeHeader) -> npt.NDArray[np.int64]:
     """Return (L, 4): low voxel index x, y, z and level of each occupied leaf, 2**level wide."""
     none = np.empty((0, 4), dtype=np.int64)
-    if header.node_count == 0:
+    if header.node_count == 0 or (header.node_count is None and not data):
         return none
     walk: _Walk = partial(_walk, np.frombuffer(data, np.uint8))
     if header.is_full:
-        walk = _full_walk(path, data, header)
+        walk = _full_walk(source, data, header)
     status, nodes, count = walk(none)
     if status == _TRUNCATED:
-        raise MapError(f"{path}: the octomap's data are truncated, {len(data)} bytes are too few")
+        raise MapError(f"{source}: the octomap's data are truncated, {len(data)} bytes are too few")
     if status == _TOO_DEEP:
-        raise MapError(f"{path}: the octomap's data are corrupt, deeper than {_TREE_DEPTH} levels")
-    if nodes != header.node_count:
-        message = f"{path}: the octomap holds {nodes} nodes, but its size says {header.node_count}"
+        message = f"{source}: the octomap's data are corrupt, deeper than {_TREE_DEPTH} levels"
+        raise MapError(message)
+    if header.node_count not in (None, nodes):
+        counted = header.node_count
+        message = f"{source}: the octomap holds {nodes} nodes, but its size says {counted}"
         raise MapError(message)
     leaves = np.empty((count, 4), dtype=np.int64)
     walk(leaves)
@@ -163,12 +179,14 @@ _Walk = Callable[[npt.NDArray[np.int64]], tuple[int, int, int]]
 """Walks a tree depth first; returns status, nodes and occupied leaves, storing what fits."""
 
 
-def _full_walk(path: Path, data: bytes, header: _Header) -> _Walk:
+def _full_walk(source: str, data: bytes, header: OctreeHeader) -> _Walk:
     node = _NODES[header.tree_type]
-    nodes = np.frombuffer(data, node, count=min(header.node_count, len(data) // node.itemsize))
+    count = len(data) // node.itemsize
+    count = count if header.node_count is None else min(header.node_count, count)
+    nodes = np.frombuffer(data, node, count=count)
     log_odds = nodes["log_odds"]
     if not np.isfinite(log_odds).all():
-        raise MapError(f"{path}: the octomap's data are corrupt, log odds are not finite")
+        raise MapError(f"{source}: the octomap's data are corrupt, log odds are not finite")
     is_occupied = (log_odds >= OCCUPIED_LOG_ODDS).astype(np.uint8)
     return partial(_walk_full, is_occupied, np.ascontiguousarray(nodes["children"]))
 

@@ -1,5 +1,6 @@
 """Inspecting recordings, small ones and real ones."""
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -217,6 +218,73 @@ def test_a_base_that_hangs_alone_hangs_together_with_nothing(
     path = write_bag(tmp_path / "bag.mcap", [("/tf", 0, make_transforms(factory, edges))])
     (no_pose,) = inspected(path, has_map_file=True).missing
     assert no_pose.startswith("nothing joins map to base_link: give the transform")
+
+
+def test_what_is_stamped_0_is_missing_its_stamps(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """A driver that does not stamp, and transforms from one; a static one may have stamp 0."""
+    statics = [transform("base_link", "laser", 0), transform("map", "odom", 0)]
+    records = [("/tf_static", 0, make_transforms(factory, statics))]
+    records += [("/odom", k * S // 10, odometry(factory, k * S // 10)) for k in range(20)]
+    records += [("/scan", k * S // 10, scan(factory, 0)) for k in range(20)]
+    arm = [transform("base_link", "arm", 0)]
+    records += [("/tf", k * S // 10, make_transforms(factory, arm)) for k in range(20)]
+    path = write_bag(tmp_path / "bag.mcap", sorted(records, key=lambda record: record[1]))
+    (unstamped,) = inspected(path, has_map_file=True).missing
+    assert unstamped.startswith("no message of /scan and base_link -> arm has a stamp,")
+
+
+def test_a_fixed_transform_that_came_once_on_tf_is_told(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """It has to be static to last."""
+    records = [("/tf_static", 0, make_transforms(factory, [transform("map", "odom", 0)]))]
+    records += [("/odom", k * S // 10, odometry(factory, k * S // 10)) for k in range(30)]
+    lasers = [transform("base_link", "laser", S), transform("base_link", "rear", S)]
+    records.append(("/tf", S, make_transforms(factory, lasers)))
+    path = write_bag(tmp_path / "bag.mcap", sorted(records, key=lambda record: record[1]))
+    (once,) = inspected(path, has_map_file=True).missing
+    assert once == (
+        "base_link -> laser and base_link -> rear came once on /tf, which holds for that time only:"
+        " publish it on /tf_static, or give it with"
+        ' --static-tf "X Y Z YAW PITCH ROLL base_link laser"'
+    )
+
+
+def poses_on_the_map(factory: RosbagsFactory, topic: str, frame: str, x_m: float) -> list[Any]:
+    """Return three poses, at 1, 2 and 3 s: at x in a frame, turned by 0.5."""
+    records = []
+    for second in (1, 2, 3):
+        pose = factory.make("geometry_msgs/msg/PoseWithCovarianceStamped")
+        pose.header = make_header(factory, frame, second * S)
+        pose.pose.pose.position.x = x_m
+        turn = pose.pose.pose.orientation
+        turn.z, turn.w = math.sin(0.25), math.cos(0.25)
+        records.append((topic, second * S, pose))
+    return records
+
+
+def test_recorded_poses_give_the_transform_of_the_map(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """The robot, 4 m down the odometry's x axis, stands on the map at x = 3, turned by 0.5."""
+    records = poses_on_the_map(factory, "/amcl_pose", "map", 3.0)
+    records += poses_on_the_map(factory, "/initialpose", "map", 9.0)
+    records += poses_on_the_map(factory, "/another_pose", "odom", 9.0)
+    ahead = [
+        StampedTransform("odom", "base_link", k * S, (4.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+        for k in range(5)
+    ]
+    records += [("/tf", t.stamp_ns, make_transforms(factory, [t])) for t in ahead]
+    path = write_bag(tmp_path / "bag.mcap", sorted(records, key=lambda record: record[1]))
+    (no_pose,) = inspected(path, has_map_file=True).missing
+    x_m, y_m = 3.0 - 4.0 * math.cos(0.5), -4.0 * math.sin(0.5)
+    assert no_pose == (
+        "nothing joins map to base_link, which hangs together with odom: /amcl_pose tells it: give"
+        f' --static-tf "{x_m:.4f} {y_m:.4f} 0 0.5 0 0 map odom", which is within 0.00 m of all 3'
+        " poses"
+    )
 
 
 def test_a_depth_image_without_its_camera_info_is_said(

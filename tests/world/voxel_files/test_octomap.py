@@ -199,7 +199,7 @@ def test_real_octomaps(
     path = real_data / name
     data = path.read_bytes()
     header = octomap._parsed_header(path, data)
-    found = octomap._occupied_leaves(path, data[header.data_start :], header)
+    found = octomap._occupied_leaves(str(path), data[header.data_start :], header)
     assert len(found) == leaves
     centres, resolution = read_octomap_file(path)
     assert (resolution, len(centres)) == (size, voxels)
@@ -333,6 +333,7 @@ def test_a_real_octomap_is_the_same_as_a_full_tree(tmp_path: Path, real_data: Pa
     data = path.read_bytes()
     header = octomap._parsed_header(path, data)
     full = as_full(data[header.data_start :], "OcTree")
+    assert header.node_count is not None
     converted = write_full(tmp_path, full, header.node_count, header.resolution_m)
     centres, size = read_octomap_file(converted)
     expected, _ = read_octomap_file(path)

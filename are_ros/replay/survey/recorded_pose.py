@@ -1,0 +1,94 @@
+"""The transform of the map, from recorded poses on it (amcl_pose) where it was not recorded."""
+
+from contextlib import suppress
+from typing import Final
+
+import numpy as np
+
+from are_ros.bag.reader import BagReader
+from are_ros.bag.roles import RolesFound
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import AreError, FrameError
+from are_ros.messages.common import read_header, read_pose
+from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.transforms.table import TransformSource
+from are_ros.world.transforms.tree import FrameTree
+
+_POSE_TYPE: Final = "geometry_msgs/msg/PoseWithCovarianceStamped"
+_ESTIMATE: Final = "initialpose"
+"""A user's guess where the robot is, of the same type."""
+
+
+def option_of_poses(
+    reader: BagReader, roles: RolesFound, map_frame: str, root: str, base_frame: str
+) -> str:
+    """Return what `are replay` needs to know of map and root, with its numbers, "" for nothing.
+
+    The root is that of the base's tree. One transform stands for the whole recording: that of the
+    middle one of the poses, said with its largest distance from the others.
+    """
+    topics = {topic.name for topic in reader.topics if topic.type_name == _POSE_TYPE}
+    poses = [
+        (topic, stamp_ns, pose)
+        for topic in sorted(topics)
+        if _ESTIMATE not in topic
+        for stamp_ns, pose in _poses(reader, topic, map_frame)
+    ]
+    if not poses:
+        return ""
+    tree = _frames(reader, roles)
+    placed = [
+        (topic, pose, root_from_base)
+        for topic, stamp_ns, pose in poses
+        if topic == poses[0][0]
+        and (root_from_base := tree.try_lookup(root, base_frame, stamp_ns)) is not None
+    ]
+    if not placed:
+        return ""
+    topic, map_from_base, root_from_base = placed[len(placed) // 2]
+    found = map_from_base @ root_from_base.inverse()
+    x_m, y_m, z_m = found.translation_m.tolist()
+    found = RigidTransform.planar(x_m, y_m, found.yaw_rad(), z_m)
+    off_m = max(
+        float(np.linalg.norm((found @ there).translation_m - pose.translation_m))
+        for _, pose, there in placed
+    )
+    # zeros are added so that there is no -0
+    numbers = " ".join(f"{round(v, 4) + 0.0:g}" for v in (x_m, y_m, z_m, found.yaw_rad()))
+    return (
+        f'{topic} tells it: give --static-tf "{numbers} 0 0 {map_frame} {root}", which is within'
+        f" {off_m:.2f} m of all {len(placed)} poses"
+    )
+
+
+def _poses(reader: BagReader, topic: str, frame: str) -> list[tuple[int, RigidTransform]]:
+    """Return the stamps and poses of a topic that are in a frame; others are left out."""
+    found = []
+    for message in reader.messages((topic,)):
+        with suppress(AreError):
+            value = reader.deserialize(message)
+            header = read_header(value, topic)
+            if header.frame_id == frame:
+                found.append((header.stamp_ns, read_pose(value.pose.pose, "pose", topic)))
+    return found
+
+
+def _frames(reader: BagReader, roles: RolesFound) -> FrameTree:
+    """Return all transforms and odometry of a recording."""
+    tree = FrameTree(reader.end_ns - reader.start_ns + NS_PER_S)
+    chosen = roles.by_topic(("tf", "tf_static", "odom"))
+    for message in reader.messages(chosen):
+        with suppress(AreError):
+            role = chosen[message.topic]
+            if role == "odom":
+                parent, child, stamp_ns, pose = reader.odometry(message)
+                source = TransformSource.ODOMETRY
+                tree.set_transform(parent, child, stamp_ns, pose[:3], pose[3:], source=source)
+                continue
+            for parent, child, stamp_ns, place, turn in reader.transforms(message):
+                with suppress(FrameError):
+                    if role == "tf_static":
+                        tree.set_static(parent, child, place, turn)
+                    else:
+                        tree.set_transform(parent, child, stamp_ns, place, turn)
+    return tree
