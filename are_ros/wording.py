@@ -5,7 +5,13 @@ from typing import Final
 
 from are_ros.conventions import NS_PER_S
 
-_LONG_UNITS: Final = (("years", 31_557_600.0), ("days", 86_400.0), ("h", 3600.0), ("min", 60.0))
+_UNITS: Final = (
+    ("years", 31_557_600.0),
+    ("days", 86_400.0),
+    ("h", 3600.0),
+    ("min", 60.0),
+    ("s", 1.0),
+)
 _SHORT_S: Final = 20.0
 
 
@@ -42,10 +48,14 @@ def listed(words: Sequence[str]) -> str:
 def duration_text(duration_ns: int) -> str:
     """Return a duration: "0.25 s", "61.0 s", "10.0 min", "1.0 h", "3.0 years"."""
     duration_s = duration_ns / NS_PER_S
-    for unit, length_s in _LONG_UNITS:
-        if duration_s >= 2.0 * length_s:
-            return f"{duration_s / length_s:.1f} {unit}"
-    return f"{duration_s:.2f} s" if duration_s < _SHORT_S else f"{duration_s:.1f} s"
+    length_s, unit = time_unit(duration_s)
+    return f"{duration_s / length_s:.{2 if duration_s < _SHORT_S else 1}f} {unit}"
+
+
+def time_unit(duration_s: float, least: float = 2.0) -> tuple[float, str]:
+    """Return length [s] and name of the longest unit of which a duration has at least so many."""
+    fitting = ((length_s, unit) for unit, length_s in _UNITS if duration_s >= least * length_s)
+    return next(fitting, (1.0, "s"))
 
 
 def aligned(rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> list[str]:

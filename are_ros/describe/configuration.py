@@ -25,7 +25,7 @@ from are_ros.parameters.model import (
 )
 from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.population.mixture import Numbers, TruncatedPoissonMixture, mixture_of
-from are_ros.wording import aligned, counted, percent, section
+from are_ros.wording import aligned, counted, percent, section, time_unit
 
 _MORE: Final = "Each row of the catalogue, and what it does: --all."
 
@@ -296,10 +296,8 @@ def _walking_text(settings: PopulationParameters) -> str:
 
 
 def _duration(duration_s: float) -> str:
-    for unit, length_s in (("days", 86400.0), ("hours", 3600.0), ("min", 60.0)):
-        if duration_s >= 2.0 * length_s:
-            return f"{duration_s / length_s:.3g} {unit}"
-    return f"{duration_s:.3g} s"
+    length_s, unit = time_unit(duration_s)
+    return f"{duration_s / length_s:.3g} {unit}"
 
 
 # The mixture and the catalogue.

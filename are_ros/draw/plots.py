@@ -31,7 +31,7 @@ from are_ros.parameters.model import Parameters, PopulationParameters
 from are_ros.population.catalogue import Catalogue
 from are_ros.population.mixture import mixture_of
 from are_ros.population.mixture_fit import MixtureFit
-from are_ros.wording import counted
+from are_ros.wording import counted, time_unit
 
 _DPI: Final = 120
 _SIZE_IN: Final = (11.5, 5.2)
@@ -227,6 +227,8 @@ _NARROWEST, _WIDEST = 0.55, 1.7
 _LAW: Final = hex_of(LAW)
 _PATH: Final = hex_of(TINT)
 _BINS: Final = 40
+_LEAST_UNITS: Final = 4.0
+"""A time axis is in a unit of which it has at least so many."""
 _QUANTILE: Final = 0.995
 _SEPARATE_BARS: Final = 40
 _CUT_FROM: Final = 0.001
@@ -266,7 +268,7 @@ def draw_trial(
     settings, chain = parameters.population, trial.chain
     noun = f"groups of {settings.group_size:g}" if chain.is_grouped else "arrivals"
     title = f"{60.0 * chain.groups_per_s:.3g} {noun} per minute, {chain.mean:.3g} alive on average"
-    unit_s, unit = time_unit(trial.end_s)
+    unit_s, unit = time_unit(trial.end_s, _LEAST_UNITS)
     subtitle = [
         f"{site.area_m2:.4g} m²" + ("" if site.survey else ", a square without obstacles"),
         _lives_text(settings),
@@ -275,14 +277,6 @@ def draw_trial(
         appeared_text(trial),
     ]
     write_head(figure, _MARGIN_IN, title, subtitle)
-
-
-def time_unit(span_s: float) -> tuple[float, str]:
-    """Return the length [s] and the name of the unit in which a span reads well."""
-    for length_s, name in ((86400.0, "days"), (3600.0, "h"), (60.0, "min")):
-        if span_s >= 4.0 * length_s:
-            return length_s, name
-    return 1.0, "s"
 
 
 def appeared_text(trial: Trial) -> str:
@@ -342,7 +336,7 @@ def _draw_numbers(axes: Any, trial: Trial, end_s: float, colours: Any) -> None:
     """Draw N(t) from the beginning, its stationary mean and band, and a tick for each arrival."""
     from matplotlib.ticker import MaxNLocator
 
-    unit_s, name = time_unit(end_s)
+    unit_s, name = time_unit(end_s, _LEAST_UNITS)
     chain, (low, high) = trial.chain, trial.chain.band()
     shown = trial.changes_s <= end_s
     times = np.append(trial.changes_s[shown], end_s) / unit_s
@@ -452,7 +446,7 @@ def _draw_density(
 def _reach(times_s: Floats) -> tuple[float, float, str]:
     """Return how far times are drawn [s], and their unit."""
     reach_s = float(np.quantile(times_s, _QUANTILE))
-    return (reach_s, *time_unit(reach_s))
+    return (reach_s, *time_unit(reach_s, _LEAST_UNITS))
 
 
 def _law_name(chain: BirthDeath) -> str:
@@ -497,7 +491,7 @@ def _draw_arrivals(axes: Any, trial: Trial, site: Site, end_s: float, colours: A
     count = f"[m]   {counted(len(trial.points_m), 'place')}, of {whose}"
     name_axes(axes, "arrivals in space", f"{count}; in colour: in the time shown")
     axes.spines[:].set(visible=True, color=EDGE_HEX)
-    unit_s, name = time_unit(end_s)
+    unit_s, name = time_unit(end_s, _LEAST_UNITS)
     bar = axes.inset_axes((1.015, 0.0, 0.02, 1.0))
     draw_colour_bar(bar, colours, (0.0, end_s / unit_s), f"[{name}]")
 

@@ -182,13 +182,13 @@ def write_view(path: Path, place: ViewedPlace, record: SceneRecord, title: str) 
     return View(path, path.stat().st_size, len(shown), tuple(notes))
 
 
-def start_server(port: int, host: str = "127.0.0.1") -> Any:
-    """Return a running server of viser that prints nothing; port 0 takes any free port."""
+def start_server(port: int) -> Any:
+    """Return a running server of viser on 127.0.0.1, which prints nothing; port 0: a free one."""
     import viser
 
     logging.getLogger("websockets").setLevel(logging.ERROR)
     with redirect_stdout(io.StringIO()):  # it prints its address
-        server = viser.ViserServer(host=host, port=port, label="ARE", verbose=False)
+        server = viser.ViserServer(host="127.0.0.1", port=port, label="ARE", verbose=False)
     server.scene.set_up_direction("+z")
     return server
 

@@ -57,15 +57,12 @@ def boxes_overlap(p: _FloatArray, i: int, q: _FloatArray, j: int, tolerance_m: f
 
 
 @compiled
-def overlaps_elementwise(p: _FloatArray, q: _FloatArray, tolerance_m: float) -> NDArray[np.bool_]:
-    """Test row i of p against row i of q; either may have one row, which meets all."""
-    step_p = 0 if p.shape[0] == 1 else 1
-    step_q = 0 if q.shape[0] == 1 else 1
-    count = q.shape[0] if step_p == 0 else p.shape[0]
-    out = np.empty(count, np.bool_)
-    for i in range(count):
-        out[i] = boxes_overlap(p, i * step_p, q, i * step_q, tolerance_m)
-    return out
+def any_pair_overlaps(p: _FloatArray, pairs: _IndexArray, tolerance_m: float) -> bool:
+    """Tell whether the rows of p overlap in any of the pairs (M, 2)."""
+    for k in range(pairs.shape[0]):
+        if boxes_overlap(p, pairs[k, 0], p, pairs[k, 1], tolerance_m):
+            return True
+    return False
 
 
 @compiled
@@ -234,26 +231,19 @@ class OrientedBoxes:
         return packed
 
 
-def overlaps(boxes: OrientedBoxes, others: OrientedBoxes) -> NDArray[np.bool_]:
-    """Tell for each i whether `boxes[i]` and `others[i]` overlap; either may be of length one.
+def overlaps_any(boxes: OrientedBoxes, others: OrientedBoxes) -> NDArray[np.bool_]:
+    """Tell for each of N boxes whether it overlaps any of the others: bool (N,).
 
     Exact separating-axis test of open boxes, z included: boxes overlap if they meet by more than
-    `TOUCH_TOLERANCE_M` on each axis. Raises ValueError where lengths neither agree nor are one.
+    `TOUCH_TOLERANCE_M` on each axis.
     """
-    if len(boxes) != len(others) and 1 not in {len(boxes), len(others)}:
-        raise ValueError(f"cannot pair {len(boxes)} boxes with {len(others)}")
-    return overlaps_elementwise(boxes.packed, others.packed, TOUCH_TOLERANCE_M)
-
-
-def overlaps_any(boxes: OrientedBoxes, others: OrientedBoxes) -> NDArray[np.bool_]:
-    """Tell for each of N boxes whether it overlaps any of the others: bool (N,)."""
     return overlaps_any_of(boxes.packed, others.packed, TOUCH_TOLERANCE_M)
 
 
 def any_overlap(boxes: OrientedBoxes) -> bool:
-    """Tell whether any two of the boxes overlap, by the test of `overlaps`."""
-    first, second = candidate_pairs(bounds(boxes.packed)).T
-    return bool(overlaps(boxes.take(first), boxes.take(second)).any())
+    """Tell whether any two of the boxes overlap, by the test of `overlaps_any`."""
+    pairs = candidate_pairs(bounds(boxes.packed))
+    return any_pair_overlaps(boxes.packed, pairs, TOUCH_TOLERANCE_M)
 
 
 def _readonly(values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:

@@ -20,13 +20,14 @@ from are_ros.checks.oracle.plane import Outline, distances_m, overlap_depths_m
 from are_ros.checks.oracle.solids import Covers, RealMap, Walls
 from are_ros.errors import FrameError
 from are_ros.messages.markers import MarkerEncoder
-from are_ros.world.boxes import OrientedBoxes, overlaps
+from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.footprint import Footprint, penetration_m
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.transforms.table import TransformSource
 from are_ros.world.transforms.tree import FrameTree
 from are_ros.world.voxel_map import VoxelMap
+from tests.world.overlapping import overlaps
 
 MS = 1_000_000
 KNOWN = 10**15

@@ -98,7 +98,7 @@ def test_rows_that_live_for_ever() -> None:
     catalogue = Catalogue(tuple(_row(i, "wall", forever=i == 0) for i in range(9)))
     text = _text(catalogue=catalogue, mixture__rates=[1.0, 1.0])
     assert "36.8 % of arrivals never leave: 66.2 more per hour, beside the law above" in text
-    assert "the bound in about 3.02 hours" in text
+    assert "the bound in about 3.02 h" in text
     assert "Poisson(1.9)" in text
     assert "never leave" not in _text()
 

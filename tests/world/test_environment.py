@@ -7,12 +7,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from are_ros.conventions import FREE, OCCUPIED, UNKNOWN
-from are_ros.world.boxes import TOUCH_TOLERANCE_M, OrientedBoxes, overlaps
+from are_ros.world.boxes import TOUCH_TOLERANCE_M, OrientedBoxes
 from are_ros.world.environment import Environment, PlaneGround, VoxelGround
 from are_ros.world.lattice_cover import covered, lattice_row
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_map import VoxelMap
+from tests.world.overlapping import overlaps
 
 _ORIGIN = RigidTransform.planar(-1.0, 0.5, 0.4)
 

@@ -143,10 +143,6 @@ class CoarseMap:
         x_m, y_m = self.anchors_m[cell].tolist()
         return x_m, y_m
 
-    def heading_of(self, yaw_rad: float) -> int:
-        """Return the nearest of the four headings (0 east, 1 north, ...) to a yaw in the map."""
-        return int(_ground_kernels.heading_of(self.ground.lattice, yaw_rad))
-
 
 def nearness_to_walls(room_m: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     """Return the nearness to walls in [0, 1]: the squared lack of room, as a share."""

@@ -203,11 +203,12 @@ def _mark(corners: _Floats, low: _Voxels, marks: NDArray[np.uint8]) -> None:
     u, v = (w + 1) % 3, (w + 2) % 3
     slope_u, slope_v = normal[u] / normal[w], normal[v] / normal[w]
     reach = 0.5 * (abs(slope_u) + abs(slope_v))
-    least = min(corners[w], corners[3 + w], corners[6 + w])
-    most = max(corners[w], corners[3 + w], corners[6 + w])
+    least, most = _extent(corners, w)
+    low_u, high_u = _extent(corners, u)
+    low_v, high_v = _extent(corners, v)
     at = np.empty(3, np.int64)
-    for i in range(_lowest(corners, u), _highest(corners, u) + 1):
-        for j in range(_lowest(corners, v), _highest(corners, v) + 1):
+    for i in range(int(np.floor(low_u)), int(np.floor(high_u)) + 1):
+        for j in range(int(np.floor(low_v)), int(np.floor(high_v)) + 1):
             if not _meets_square(corners, u, v, i, j):
                 continue
             rise = slope_u * (i + 0.5 - corners[u]) + slope_v * (j + 0.5 - corners[v])
@@ -224,13 +225,9 @@ def _mark(corners: _Floats, low: _Voxels, marks: NDArray[np.uint8]) -> None:
 
 
 @compiled
-def _lowest(corners: _Floats, axis: int) -> int:
-    return int(np.floor(min(corners[axis], corners[3 + axis], corners[6 + axis])))
-
-
-@compiled
-def _highest(corners: _Floats, axis: int) -> int:
-    return int(np.floor(max(corners[axis], corners[3 + axis], corners[6 + axis])))
+def _extent(corners: _Floats, axis: int) -> tuple[float, float]:
+    a, b, c = corners[axis], corners[3 + axis], corners[6 + axis]
+    return min(a, b, c), max(a, b, c)
 
 
 @compiled

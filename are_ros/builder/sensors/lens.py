@@ -104,7 +104,8 @@ class Lens:
         """Return the tiles (K,) in which a ray may meet one of the boxes, int64."""
         matrix = map_from_camera.rotation_matrix()
         axes = (self.tiles.axes @ matrix.T).astype(np.float32)
-        seen = boxes_seen_from(map_from_camera.translation_m, boxes, _no_meshes(len(boxes)))
+        no_meshes = MeshSelection.boxes_only(len(boxes))
+        seen = boxes_seen_from(map_from_camera.translation_m, boxes, no_meshes.indices)
         return np.flatnonzero(_are_met(axes, self.tiles.spreads, seen))
 
     def lower_depths(
@@ -140,10 +141,6 @@ def known_lens(lens: Lens | None) -> Lens:
     if lens is None:
         raise InputError("its CameraInfo is not known")
     return lens
-
-
-def _no_meshes(count: int) -> _Indices:
-    return np.full(count, -1, dtype=np.int64)
 
 
 @compiled

@@ -11,7 +11,6 @@ from are_ros.errors import InputError
 from are_ros.messages.cdr import CdrWriter
 from are_ros.messages.images.detections import encode_boxes_in_image
 from are_ros.messages.images.image import (
-    encode_compressed_image,
     encode_image,
     read_compressed_image,
     read_image,
@@ -33,12 +32,7 @@ def read_colour(message: Any, source: str = "image") -> ColourImage:
 
 def encode_colour(image: ColourImage) -> bytes:
     """Return a sensor_msgs/Image or CompressedImage, as it was read."""
-    pixels = image.pixels
-    if isinstance(pixels, RawColour):
-        return encode_image(pixels.image)
-    if isinstance(pixels, CompressedColour):
-        return encode_compressed_image(pixels.image)
-    raise TypeError(pixels)
+    return encode_image(image.pixels.image)
 
 
 def encode_mask(image: ColourImage) -> bytes | None:

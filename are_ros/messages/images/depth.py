@@ -18,7 +18,6 @@ from are_ros.builder.sensors.depth_image import (
 from are_ros.builder.sensors.image import CompressedImage
 from are_ros.errors import InputError
 from are_ros.messages.images.image import (
-    encode_compressed_image,
     encode_image,
     read_compressed_image,
     read_image,
@@ -125,9 +124,4 @@ def read_depth(message: Any, source: str = "depth") -> DepthImage:
 
 def encode_depth(depth: DepthImage) -> bytes:
     """Return a sensor_msgs/Image or CompressedImage, as it was read."""
-    pixels = depth.pixels
-    if isinstance(pixels, RawDepth):
-        return encode_image(pixels.image)
-    if isinstance(pixels, CompressedDepth):
-        return encode_compressed_image(pixels.image)
-    raise TypeError(pixels)
+    return encode_image(depth.pixels.image)

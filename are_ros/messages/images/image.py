@@ -59,11 +59,15 @@ def read_image(message: Any, source: str = "image") -> Image:
     )
 
 
-def encode_image(image: Image) -> bytes:
-    """Return a sensor_msgs/Image."""
-    height, step = image.data.shape
+def encode_image(image: Image | CompressedImage) -> bytes:
+    """Return a sensor_msgs/Image or CompressedImage."""
     writer = CdrWriter()
     writer.header(image.frame_id, image.stamp_ns)
+    if isinstance(image, CompressedImage):
+        writer.text(image.format)
+        writer.numbers(image.data, "u1")
+        return writer.message()
+    height, step = image.data.shape
     writer.pack(_SIZE, 4, height, image.width)
     writer.text(image.encoding)
     writer.byte(image.is_bigendian)
@@ -82,15 +86,6 @@ def read_compressed_image(message: Any, source: str = "image") -> CompressedImag
     if not data.size:
         raise InputError(f"{source}: data is empty")
     return CompressedImage(frame_id, stamp_ns, str(message.format), data)
-
-
-def encode_compressed_image(image: CompressedImage) -> bytes:
-    """Return a sensor_msgs/CompressedImage."""
-    writer = CdrWriter()
-    writer.header(image.frame_id, image.stamp_ns)
-    writer.text(image.format)
-    writer.numbers(image.data, "u1")
-    return writer.message()
 
 
 # The CameraInfo: the numbers that a view model is made of.

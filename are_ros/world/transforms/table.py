@@ -39,10 +39,6 @@ class FrameNames:
     def __contains__(self, name: str) -> bool:
         return name.lstrip("/") in self.numbers
 
-    def sorted(self) -> list[str]:
-        """Return all names, in alphabetical order."""
-        return sorted(self._names)
-
     def number_or_add(self, name: str) -> int:
         """Return a frame's number, a new one for a new name."""
         number = self.numbers.get(name)
@@ -60,7 +56,7 @@ class FrameNames:
         """Return a known frame's number, or raise UnknownFrameError."""
         number = self.numbers.get(name.lstrip("/"))
         if number is None:
-            known = ", ".join(self.sorted()) or "none"
+            known = ", ".join(sorted(self._names)) or "none"
             raise UnknownFrameError(f"frame {name!r} was never seen; known frames: {known}")
         return number
 

@@ -232,10 +232,6 @@ class FrameTree:
         """Tell whether a transform ever named this frame, as parent or as child."""
         return name in self._names
 
-    def frame_names(self) -> list[str]:
-        """Return the names of all known frames, sorted."""
-        return self._names.sorted()
-
     def edges(self) -> list[FrameEdge]:
         """Return the edges that hold now, sorted by parent and child."""
         names, stamp_of = self._names, self._table.stamp_of

@@ -18,7 +18,6 @@ from are_ros.agents.local_planner.rollouts import bounds_of
 from are_ros.agents.local_planner.state import NEVER
 from are_ros.agents.local_planner.walls import ClearanceLayers
 from are_ros.agents.navigation.terrain import Terrains
-from are_ros.world.boxes import overlaps
 from are_ros.world.footprint import Footprint, signed_distance_m
 from tests.agents.local_planner.streets import (
     CAR,
@@ -29,6 +28,7 @@ from tests.agents.local_planner.streets import (
     room,
     wall,
 )
+from tests.world.overlapping import overlaps
 
 _BODIES = (PERSON, SCOOTER, CAR, Body((0.4, 0.1), (0.2, -0.1)))
 

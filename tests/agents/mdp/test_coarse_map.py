@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from are_ros.agents.mdp.coarse_map import WALL_COMFORT_M, CoarseMap, CoarseMaps
+from are_ros.agents.navigation.ground import heading_of
 from tests.agents.floors import joins_within, local_components, terrain_of, two_rooms
 
 DOOR_CELLS = 16  # of 0.05 m: 0.8 m
@@ -151,7 +152,8 @@ def test_a_turned_map_gives_the_same_cells_elsewhere(yaw_rad: float) -> None:
         assert turned.cell_of(*turned.anchors_m[row, col]) == (row, col)
     for heading in range(4):
         for off_rad in (-0.7, 0.0, 0.7, 2 * math.pi):
-            assert turned.heading_of(yaw_rad + heading * math.pi / 2 + off_rad) == heading
+            yaw = yaw_rad + heading * math.pi / 2 + off_rad
+            assert heading_of(turned.ground.lattice, yaw) == heading
 
 
 def test_a_point_by_a_wall_belongs_to_the_cell_on_its_own_side() -> None:

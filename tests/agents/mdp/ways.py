@@ -8,6 +8,7 @@ import numpy.typing as npt
 from are_ros.agents.mdp import routes as _routes
 from are_ros.agents.mdp.coarse_map import CoarseMap
 from are_ros.agents.mdp.value_tables import ValueTable
+from are_ros.agents.navigation.ground import heading_of
 from are_ros.agents.navigation.step_kernels import FADE_M
 
 
@@ -42,7 +43,7 @@ def choose(
     `FADE_M`. They count for this epoch only, on each cell that a move enters and where one stays.
     `Action.STAY` where the table knows no way.
     """
-    state = _state(table, coarse, x_m, y_m, coarse.heading_of(yaw_rad))
+    state = _state(table, coarse, x_m, y_m, heading_of(coarse.ground.lattice, yaw_rad))
     if state is None:
         return Action.STAY
     others = packed(moving_m, radii_m, weights)[None]

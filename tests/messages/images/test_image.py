@@ -13,7 +13,6 @@ from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import InputError
 from are_ros.messages.images.image import (
     camera_info_topic,
-    encode_compressed_image,
     encode_image,
     is_rectified,
     read_compressed_image,
@@ -156,7 +155,7 @@ def test_compressed_images_go_out_as_they_came(
         format="rgb8; jpeg compressed bgr8",
         data=np.arange(5, dtype=np.uint8),
     )
-    data = encode_compressed_image(read_compressed_image(sent))
+    data = encode_image(read_compressed_image(sent))
     assert data == on_the_wire(sent)
     by_rclpy, by_rosbags = both_readings(data, "sensor_msgs/msg/CompressedImage")
     assert by_rclpy == by_rosbags
