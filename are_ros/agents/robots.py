@@ -96,8 +96,8 @@ class RobotTracker:
         """Return what helps where no frame has a usual name, but some within a namespace."""
         if self.observer.base_frame or self._frames.has_frame(base):
             return ""
-        names = self._frames.frame_names()
-        others = [name for name in names if name.rpartition("/")[2] in _USUAL_BASES]
+        names = {name for edge in self._frames.edges() for name in (edge.parent, edge.child)}
+        others = [name for name in sorted(names) if name.rpartition("/")[2] in _USUAL_BASES]
         return f"; set frames.base, to {' or '.join(others)}" if others else ""
 
     def _transform_of(self, frame: str, now_ns: int) -> _Answer:
