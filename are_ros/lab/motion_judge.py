@@ -147,15 +147,17 @@ class Verdict:
         }
 
     def _summary(self) -> list[tuple[str, ...]]:
-        follower_gaps = self.follower_gaps
-        return [
+        rows: list[tuple[str, ...]] = [
             ("artefact-minutes", f"{self.artefact_s / 60.0:.1f}"),
             ("of them moving", f"{self.moving_s / 60.0:.1f}"),
             *((words, str(self.found[kind])) for kind, words in FAULTS.items()),
             ("brakings beyond the limit", self._brakings()),
-            ("time that followers are near", f"{100.0 * follower_gaps.near_share:.0f} %"),
-            ("mean distance to the leader", f"{follower_gaps.mean_gap_m:.2f} m"),
         ]
+        if self.follower_gaps.followed_s:
+            near, gap = self.follower_gaps.near_share, self.follower_gaps.mean_gap_m
+            rows.append(("time that followers are near", f"{100.0 * near:.0f} %"))
+            rows.append(("mean distance to the leader", f"{gap:.2f} m"))
+        return rows
 
     def _brakings(self) -> str:
         if not self.hard_brakes:

@@ -12,7 +12,7 @@ import pytest
 from are_ros.agents.events import ArtefactState
 from are_ros.checks.oracle.solids import RealMap
 from are_ros.lab import motion_judge
-from are_ros.lab.motion_judge import FAULTS, Limits, MotionJudge
+from are_ros.lab.motion_judge import FAULTS, Limits, MotionJudge, Verdict
 from are_ros.population.artefact import GroundPose, Origin
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -351,7 +351,20 @@ def test_followers_are_measured_against_their_leader() -> None:
         assert follower_gaps.near_share == 1.0
         assert follower_gaps.mean_gap_m == pytest.approx(gap_m, abs=0.06)
     far = state((-9.0, 0.0, 0.0), behaviour="following", activity="following artefact 7")
-    assert judged([[far, one] for one in leader]).verdict.follower_gaps.near_share == 0.0
+    verdict = judged([[far, one] for one in leader]).verdict
+    assert verdict.follower_gaps.near_share == 0.0
+    assert _lines_of_followers(verdict) == [["0", "%"], ["9.50", "m"]]
+
+
+def test_without_followers_the_table_says_nothing_of_them() -> None:
+    """Not that all were near, at a distance of 0 m."""
+    assert _lines_of_followers(judged([[state((0.0, 0.0, 0.0))]] * 3).verdict) == []
+
+
+def _lines_of_followers(verdict: Verdict) -> list[list[str]]:
+    """Return the figures of the lines about followers."""
+    said = [line.split() for line in verdict.table()]
+    return [words[-2:] for words in said if {"followers", "leader"} & {*words}]
 
 
 def test_stops_at_destinations_are_arrivals() -> None:

@@ -5,7 +5,7 @@ run, drive or stop keeps its destination when it changes from one to the other.
 """
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import ClassVar, Final
 
 import numpy as np
@@ -74,7 +74,7 @@ class Trip:
 
     It is given up when no way leads there, or when the artefact is blocked for longer than its
     patience, which each trip draws from 5 to 12 s. The last three destinations are not chosen again
-    if there are others.
+    if there are others, and the last of them only if there is no other at all.
     """
 
     def __init__(self, choose: Choose = any_destination) -> None:
@@ -96,12 +96,13 @@ class Trip:
         if self._is_hopeless(situation):
             self.give_up()
         if self.goal_m is None:
-            index = self._choose(situation, self.shut(situation))
-            if index is None and self._recent_m:
-                # On a map with few destinations, allow recent ones except the last.
-                index = self._choose(situation, _is_one_of(situation, [self._recent_m[-1]]))
-            if index is not None:
-                self.change_to(index, situation)
+            recent_m = [*self._recent_m]
+            # On a map with few destinations, allow recent ones, at last the one given up just now.
+            for shut_m in (recent_m, recent_m[-1:], []):
+                index = self._choose(situation, _is_one_of(situation, shut_m))
+                if index is not None:
+                    self.change_to(index, situation)
+                    break
         return self.goal_m
 
     def change_to(self, index: int, situation: Situation) -> None:
@@ -129,7 +130,7 @@ class Trip:
         return situation.no_way or blocked_s > self._patience_s
 
 
-def _is_one_of(situation: Situation, points_m: deque[Point] | list[Point]) -> npt.NDArray[np.bool_]:
+def _is_one_of(situation: Situation, points_m: Iterable[Point]) -> npt.NDArray[np.bool_]:
     """Return which destinations, bool (K,), are among the points; on a new map perhaps none."""
     destinations_m = situation.places.destinations_m
     found = np.zeros(len(destinations_m), np.bool_)

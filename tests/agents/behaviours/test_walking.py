@@ -108,6 +108,14 @@ def test_who_is_blocked_for_long_goes_elsewhere() -> None:
     assert 5 < changed_s <= 13
 
 
+def test_who_gave_up_the_only_destination_tries_it_again() -> None:
+    """It is too near to the other one for a trip, and would stand for the rest of its life."""
+    actor, places = Actor(0, Walking(), (0.0, 0.0)), places_at([(0.8, 0.0), (2.4, 0.0)])
+    for second in range(40):
+        actor.blocked_s = float(second)
+        assert alone(actor, places, now_s=second).goal_m == (2.4, 0.0)
+
+
 def test_what_blocked_an_earlier_trip_is_not_held_against_the_next() -> None:
     """Time blocked counts from the trip's own beginning."""
     actor = Actor(0, Walking(), (0.0, 0.0))
