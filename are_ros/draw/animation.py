@@ -396,6 +396,10 @@ class Frames:
         for placed in tags:
             actor = by_number[placed.label.key]
             if actor.news is not None:
+                left, top, right, bottom = placed.place
+                middle = (0.5 * (left + right), 0.5 * (top + bottom))
+                ends = np.array((middle, actor.outline.nose_px[0]))
+                canvas.line(ends, actor.news.colour, 1.5)
                 canvas.tag(placed.text, _padded(placed.place), _LABEL_PX + 1, actor.news.colour)
 
     def _draw_clock(self, canvas: Canvas, actors: Sequence[_Actor], stamp_ns: int) -> None:
