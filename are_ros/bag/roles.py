@@ -6,9 +6,9 @@ from types import MappingProxyType
 from typing import Final
 
 from are_ros.bag.reader import BagTopic
+from are_ros.bag.types import OCTOMAP_TYPE
 from are_ros.errors import BagError
 from are_ros.messages.images.image import camera_info_topic, raw_topic
-from are_ros.messages.maps import OCTOMAP_TYPE
 from are_ros.messages.sensors import SENSORS
 
 TF_TYPES: Final = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")

@@ -11,7 +11,6 @@ import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from are_ros.errors import InputError
-from are_ros.messages.maps import OCTOMAP_TYPE
 
 # The texts of ARE's message definitions, from msg_defs/.
 
@@ -44,6 +43,7 @@ float64 resolution
 int8[] data
 """
 """octomap_msgs/Octomap, for recordings that do not define it; it is only read."""
+OCTOMAP_TYPE: Final = "octomap_msgs/msg/Octomap"
 
 
 def definitions_folder(module: Path = Path(__file__)) -> Path:

@@ -82,14 +82,11 @@ def read_points(message: Any, source: str = "points") -> Points:
     return read_cloud(message, source).points_m()
 
 
-OCTOMAP_TYPE: Final = "octomap_msgs/msg/Octomap"
-
-
 def read_voxels(message: Any, source: str = "octomap") -> tuple[Points, float | None]:
     """Return the centres (N, 3) [m] of occupied voxels in the message's frame, and their size [m].
 
-    Of an octomap_msgs/Octomap, binary or full, or of a PointCloud2 (`read_points`), which has no
-    size: None. InputError where the message is malformed.
+    Of an octree of octomap_server, binary or full, or of a PointCloud2 (`read_points`), which has
+    no size: None. InputError where the message is malformed.
     """
     if not hasattr(message, "binary"):
         return read_points(message, source), None

@@ -7,7 +7,7 @@ from typing import Final
 
 from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.recording import PREFIX
-from are_ros.bag.types import as_ros2, ros2_type
+from are_ros.bag.types import OCTOMAP_TYPE, as_ros2, ros2_type
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.sensors.laser_scan import LaserScan
@@ -17,7 +17,7 @@ from are_ros.builder.tick import USUAL, Demand, Tick
 from are_ros.draw.scene import CameraAt, ScanPoints, scan_points
 from are_ros.errors import AreError
 from are_ros.messages.common import read_header
-from are_ros.messages.maps import OCTOMAP_TYPE, Points, encode_grid, read_voxels
+from are_ros.messages.maps import Points, encode_grid, read_voxels
 from are_ros.messages.sensors import SensorOutputs, encode_cloud
 from are_ros.messages.tick_encoding import OUTPUTS, OutputTopic, TickEncoder
 from are_ros.messages.transforms import StampedTransform, encode_transforms_cdr
