@@ -126,7 +126,7 @@ def draw_row(
 
 
 def lines_of(parts: Sequence[str], width_px: float) -> list[str]:
-    """Return the parts of a subtitle in lines that are at most so wide, where a part is not."""
+    """Return a subtitle's parts in lines of at most a width; one that is wider has its own line."""
     lines: list[str] = []
     for part in parts:
         longer = _SEPARATOR.join((*lines[-1:], part))

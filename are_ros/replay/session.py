@@ -41,7 +41,7 @@ from are_ros.replay.scene_record import SceneRecorder
 from are_ros.replay.survey.frame_survey import root_above, static_tf_option
 from are_ros.replay.survey.recorded_pose import option_of_poses
 from are_ros.replay.timeline import (
-    LATE_CAMERA_NS,
+    LATE_INPUT_NS,
     WITHOUT_CAMERA_INFO,
     WITHOUT_MAP,
     ReplayOptions,
@@ -367,12 +367,12 @@ def _camera_problem(
 
 def _late_map(replay: Replay, keeper: RecordKeeper) -> list[str]:
     """Return a sentence if the map was unknown for a while at the beginning."""
-    late_s = ((keeper.map_since_ns or replay.start_ns) - replay.start_ns) / NS_PER_S
-    if late_s * NS_PER_S <= LATE_CAMERA_NS:
+    late_ns = (keeper.map_since_ns or replay.start_ns) - replay.start_ns
+    if late_ns <= LATE_INPUT_NS:
         return []
     topic = next(topic for topic, role in replay.role_of_topic.items() if role == "map")
-    said = f"nobody could arrive in the first {late_s:.1f} s: no map came on {topic} before"
-    return [f"{said}; --map FILE.yaml takes one from the beginning on"]
+    said = f"nobody could arrive in the first {late_ns / NS_PER_S:.1f} s: no map came on {topic}"
+    return [f"{said} before; --map FILE.yaml takes one from the beginning on"]
 
 
 def _late_camera(options: ReplayOptions, replay: Replay, keeper: RecordKeeper) -> list[str]:
@@ -380,7 +380,7 @@ def _late_camera(options: ReplayOptions, replay: Replay, keeper: RecordKeeper) -
     if not options.demand.perception or keeper.camera_since_ns is None:
         return []
     late_ns = keeper.camera_since_ns - replay.start_ns
-    if late_ns <= LATE_CAMERA_NS:
+    if late_ns <= LATE_INPUT_NS:
         return []
     late_s = late_ns / NS_PER_S
     topic = _camera_topic(replay)

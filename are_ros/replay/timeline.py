@@ -23,8 +23,8 @@ FED_BEFORE_START: Final = (*_HELD, OTHER_CAMERA, CAMERA_INFO)
 _READ_ROLES: Final = (*_HELD, "odom", *SENSORS, "plan")
 
 
-LATE_CAMERA_NS: Final = NS_PER_S
-"""A first CameraInfo that comes later than this is reported."""
+LATE_INPUT_NS: Final = NS_PER_S
+"""A first CameraInfo or map that comes later than this is reported."""
 WITHOUT_CAMERA_INFO: Final = (
     "--set camera.model:=pinhole takes the camera of the parameters (camera.*) instead"
 )

@@ -23,7 +23,7 @@ from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.model import PosesParameters, SensorsParameters
 from are_ros.replay.survey.frame_survey import FrameSurvey, FrameSurveyor, hertz, static_tf_option
 from are_ros.replay.survey.recorded_pose import option_of_poses
-from are_ros.replay.timeline import LATE_CAMERA_NS, WITHOUT_CAMERA_INFO
+from are_ros.replay.timeline import LATE_INPUT_NS, WITHOUT_CAMERA_INFO
 from are_ros.wording import aligned, counted, listed, section
 from are_ros.world.transforms.table import TransformSource
 
@@ -324,7 +324,7 @@ def _missing_camera(reader: BagReader, roles: RolesFound) -> Iterable[str]:
         yield f"the first CameraInfo is of no use: {cause}"
     begin_ns = first_time(reader, roles.by_topic(role for role in MOVING_ROLES if role != _CAMERA))
     late_ns = 0 if begin_ns is None else first.log_time_ns - begin_ns
-    if late_ns > LATE_CAMERA_NS:
+    if late_ns > LATE_INPUT_NS:
         yield (
             f"{topic} begins {late_ns / NS_PER_S:.1f} s after what moves, and nothing is perceived"
             f" before: {WITHOUT_CAMERA_INFO}"
