@@ -37,7 +37,6 @@ from are_ros.agents.mdp.policy import (
     prior_of,
     slipped,
     surely_drawn,
-    weights_between,
 )
 from are_ros.agents.mdp.routes import AHEAD
 from are_ros.agents.navigation.destinations import Destinations
@@ -327,8 +326,8 @@ class DecisionLayer:
         ranges = repertoire.reward_bounds(situation)
         uniform = state.policy_random.random()
         if temperature > 0.0:
-            bounds = weights_between(prior, ranges, advantages, period_s, temperature)
-            if (index := surely_drawn(bounds, uniform)) is not None:
+            index = surely_drawn(prior, ranges, advantages, period_s, temperature, uniform)
+            if index is not None:
                 return index
         values = [
             period_s * reward + advantage

@@ -98,8 +98,7 @@ def reward_bounds_of(behaviour: Any, situation: Situation) -> tuple[float, float
 
     A user-defined class is asked for its reward: where it inherits, its rewards may be others.
     """
-    kind: type = type(behaviour)
-    if hasattr(kind, "reward_bounds") and not _is_user_class(kind):
+    if _states_bounds(type(behaviour)):
         bounds: tuple[float, float] = behaviour.reward_bounds(situation)
         return bounds
     reward = reward_of(behaviour, situation)
@@ -142,6 +141,11 @@ def running_behaviour(frame: FrameType | None) -> str:
 def _is_user_class(kind: type) -> bool:
     """Return whether a class is user-defined."""
     return kind.__module__.partition(".")[0] != _PACKAGE
+
+
+@lru_cache
+def _states_bounds(kind: type) -> bool:
+    return hasattr(kind, "reward_bounds") and not _is_user_class(kind)
 
 
 def _faults_of(intent: object) -> Iterator[str]:

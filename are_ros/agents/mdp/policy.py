@@ -60,44 +60,36 @@ def drawn(weights: Sequence[float], uniform: float) -> int:
     return bisect_right(sums, uniform * sums[-1])
 
 
-def weights_between(
+def surely_drawn(
     prior: Sequence[float],
     ranges: Sequence[tuple[float, float]],
     advantages: Sequence[float],
     period_s: float,
     temperature: float,
-) -> list[tuple[float, float]]:
-    """Return bounds of weights (A,) for rewards between bounds; they are as `boltzmann`'s.
+    uniform: float,
+) -> int | None:
+    """Return what `drawn` returns by `boltzmann`'s weights, if rewards between bounds all agree.
 
-    But for rounding, and a common factor. `ranges` (A,) are the least and the greatest reward of a
-    second, `advantages` (A,) are added to that of an epoch. The temperature is above 0.
+    `ranges` (A,) are the least and the greatest reward of a second, `advantages` (A,) are added to
+    that of an epoch. The temperature is above 0. The result is None if the rewards matter, or if
+    rounding might.
     """
-    exp, over = math.exp, zip(prior, ranges, advantages, strict=True)
+    exp, lows, highs = math.exp, list[float](), list[float]()
     top = period_s * max(high for _, high in ranges) + max(advantages)
-    return [
-        (
-            share * exp((period_s * low + advantage - top) / temperature),
-            share * exp((period_s * high + advantage - top) / temperature),
-        )
-        for share, (low, high), advantage in over
-    ]
-
-
-def surely_drawn(weights: Sequence[tuple[float, float]], uniform: float) -> int | None:
-    """Return what `drawn` returns for all weights (A,) between two bounds each; None if it varies.
-
-    Rounding is allowed for: where it might matter, the result is None.
-    """
-    index = drawn([low for low, _ in weights], uniform)
-    if index == len(weights):  # all are 0, by rounding
+    for share, (low, high), advantage in zip(prior, ranges, advantages, strict=True):
+        weight = share * exp((period_s * low + advantage - top) / temperature)
+        lows.append(weight)
+        if high != low:
+            weight = share * exp((period_s * high + advantage - top) / temperature)
+        highs.append(weight)
+    index = drawn(lows, uniform)
+    if index == len(lows):  # all are 0, by rounding
         return None
-    before, own, after = weights[:index], weights[index][0], weights[index + 1 :]
-    rest, keeps = 1.0 - uniform, 1.0 - _ROUNDING
-    above = own + sum(low for low, _ in after)
-    below = own + sum(low for low, _ in before)
+    own, rest, keeps = lows[index], 1.0 - uniform, 1.0 - _ROUNDING
+    above, below = sum(lows[index:]), sum(lows[:index]) + own
     is_sure = (
-        sum(high for _, high in before) * rest <= keeps * uniform * above
-        and sum(high for _, high in after) * uniform < keeps * rest * below
+        sum(highs[:index]) * rest <= keeps * uniform * above
+        and sum(highs[index + 1 :]) * uniform < keeps * rest * below
     )
     return index if is_sure else None
 

@@ -9,7 +9,6 @@ straight line to it.
 import math
 from collections.abc import Sequence
 from enum import Enum, auto
-from functools import partial
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -19,7 +18,6 @@ from are_ros.agents.behaviours.situation import Intent, Neighbour, Point, RobotV
 from are_ros.agents.local_planner.body import MotionCommand
 from are_ros.agents.mdp.coarse_map import CoarseMaps
 from are_ros.agents.mdp.model import TravelModel
-from are_ros.agents.mdp.policy import STAY
 from are_ros.agents.mdp.routes import AHEAD, best_action
 from are_ros.agents.mdp.value_tables import ValueTable, ValueTables
 from are_ros.agents.navigation.destinations import Destinations, ReachableDestinations
@@ -252,23 +250,15 @@ class Navigation:
         """Return the prospect by the values of the decision process."""
         active = request.state.active[key]
         values, epochs = np.empty((len(request.speeds_mps), 5)), self._epochs(request.left_s)
-        look = partial(
-            prospect_of,
-            view.crowd,
-            around,
-            (index, request.is_patient, epochs),
-            request.intent.is_moving_goal,
-            values,
-        )
-        what, heading, value = look(*active.arrays)
-        if what == UNKNOWN:
+        crowd, agent = view.crowd, (index, request.is_patient, epochs)
+        is_moving_goal = request.intent.is_moving_goal
+        known = prospect_of(crowd, around, agent, is_moving_goal, values, *active.arrays)
+        if known[0] == UNKNOWN:
             table = self._tables.swept(active.table, max(0, epochs - AHEAD))
             active = request.state.active[key] = active.with_table(table)
-            what, heading, value = look(*active.arrays)
-        rest = active.table.model.rest
-        if what == CHOOSES:
-            values[:, STAY] -= rest
-        return Prospect(_KINDS[what], values, value, heading, rest, active)
+            known = prospect_of(crowd, around, agent, is_moving_goal, values, *active.arrays)
+        what, heading, value = known
+        return Prospect(_KINDS[what], values, value, heading, active.table.model.rest, active)
 
     def result(
         self, request: NavigationRequest, prospect: Prospect, pace: int = 0, move: int = 0

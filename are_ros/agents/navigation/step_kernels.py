@@ -91,6 +91,8 @@ def prospect_of(
 ) -> tuple[int, int, float]:
     """Fill in what the actions of an agent with a goal are worth, (P, 5): pace, move.
 
+    Staying is worth that without resting.
+
     `ground`, `value_arrays` and `ends` are the fields of `Ground`, `ValueArrays` and `GoalSpec`,
     `crowd` those of `neighbours.Cells` and the rest of `Crowd`. `agent` is the index in the crowd,
     whether others cost it anything, and the epochs left. A moving goal is approached straight from
@@ -120,6 +122,7 @@ def prospect_of(
     value = brings.max()
     if others.shape[1] > 0:
         action_values(values, epochs_left, floor.anchors_m, others, state, brings)
+    brings[:, 0] -= values.prices[2]  # who stays gives way, and does not rest
     return CHOOSES, state[2], value
 
 

@@ -9,7 +9,6 @@ from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import PchipInterpolator
 
 Floats = npt.NDArray[np.float64]
 Tone = tuple[float, float, float]
@@ -359,6 +358,8 @@ def _tube(
     A `bend` below 1 makes the ellipses squarer. `dim` is a direction (x, y) in which the surface
     is darker, for another part of the body is near, and by which share.
     """
+    from scipy.interpolate import PchipInterpolator  # takes 0.3 s, and few commands need figures
+
     controls = np.array(rings)
     steps = np.arange(0.0, len(controls) - 1 + 1e-9, 1.0 / finer)
     along = PchipInterpolator(np.arange(len(controls)), controls)(steps)

@@ -15,7 +15,6 @@ from are_ros.agents.mdp.policy import (
     prior_of,
     slipped,
     surely_drawn,
-    weights_between,
 )
 
 SHARES = (0.5, 0.3, 0.15, 0.05)
@@ -128,8 +127,7 @@ def test_what_is_surely_drawn_is_drawn_whatever_the_rewards(temperature: float) 
         high = low + random.choice([0.0, 0.03]) * random.random(4)
         advantages, uniform = (-0.1 * random.random(4)).tolist(), float(random.random())
         ranges = list(zip(low.tolist(), high.tolist(), strict=True))
-        bounds = weights_between(prior, ranges, advantages, 1.0, temperature)
-        surely = surely_drawn(bounds, uniform)
+        surely = surely_drawn(prior, ranges, advantages, 1.0, temperature, uniform)
         assert surely is not None or (low < high).any()
         told += surely is not None and (low < high).any()
         for share in (0.0, 1.0, *random.random((6, 4))):
@@ -141,5 +139,5 @@ def test_what_is_surely_drawn_is_drawn_whatever_the_rewards(temperature: float) 
 
 def test_nothing_is_surely_drawn_by_weights_that_are_lost_in_rounding() -> None:
     """They are then found in another way."""
-    bounds = weights_between((0.5, 0.5), ((-1.0, 1.0), (-1.0, 1.0)), (0.0, 0.0), 1.0, 1e-4)
-    assert surely_drawn(bounds, 0.5) is None
+    ranges = ((-1.0, 1.0), (-1.0, 1.0))
+    assert surely_drawn((0.5, 0.5), ranges, (0.0, 0.0), 1.0, 1e-4, 0.5) is None
