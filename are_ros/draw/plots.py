@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -30,8 +30,10 @@ from are_ros.parameters.choices import Departures
 from are_ros.parameters.model import Parameters, PopulationParameters
 from are_ros.population.catalogue import Catalogue
 from are_ros.population.mixture import mixture_of
-from are_ros.population.mixture_fit import MixtureFit
 from are_ros.wording import counted, time_unit
+
+if TYPE_CHECKING:
+    from are_ros.population.mixture_fit import MixtureFit  # takes scipy.special with it
 
 _DPI: Final = 120
 _SIZE_IN: Final = (11.5, 5.2)
@@ -95,8 +97,8 @@ def draw_colour_bar(axes: Any, colours: Any, limits: tuple[float, float], title:
 
 
 def draw_fit(
-    fits: Sequence[MixtureFit],
-    chosen: MixtureFit,
+    fits: Sequence["MixtureFit"],
+    chosen: "MixtureFit",
     counts: npt.NDArray[np.int64],
     path: Path,
     *,
@@ -125,7 +127,7 @@ def draw_fit(
 def _draw_laws(
     axes: Any,
     counts: npt.NDArray[np.int64],
-    chosen: MixtureFit,
+    chosen: "MixtureFit",
     catalogue: Catalogue | None,
 ) -> None:
     """Draw the shares of the rows as bars, the mixture over them, and each component."""
@@ -162,7 +164,7 @@ def _draw_classes(axes: Any, catalogue: Catalogue) -> None:
             axes.text(0.5 * (left + right), 1.01, name, **style)
 
 
-def _draw_climb(axes: Any, chosen: MixtureFit) -> None:
+def _draw_climb(axes: Any, chosen: "MixtureFit") -> None:
     """Draw how far below its end the log-likelihood was at each point of the best climb.
 
     It ends where nothing was gained any more; the name of the axis says how many there were.
@@ -204,7 +206,7 @@ def bic_ticks(most: float) -> list[int]:
     return ticks
 
 
-def _draw_bic(axes: Any, fits: Sequence[MixtureFit], chosen: MixtureFit) -> None:
+def _draw_bic(axes: Any, fits: Sequence["MixtureFit"], chosen: "MixtureFit") -> None:
     """Draw by how much the BIC of each number of components lies above the least."""
     numbers = [fit.components for fit in fits]
     above = [fit.bic - chosen.bic for fit in fits]

@@ -98,7 +98,8 @@ def reward_bounds_of(behaviour: Any, situation: Situation) -> tuple[float, float
 
     A user-defined class is asked for its reward: where it inherits, its rewards may be others.
     """
-    if _states_bounds(type(behaviour)):
+    kind: type = type(behaviour)
+    if _states_bounds(kind):
         bounds: tuple[float, float] = behaviour.reward_bounds(situation)
         return bounds
     reward = reward_of(behaviour, situation)
