@@ -4,10 +4,11 @@ A kind of sensor with a message type of its own is a class here, named in `BEAMS
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, ClassVar, Final, Protocol
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,40 +40,35 @@ class Changes:
     spacing_m: float = 0.0
 
 
-class Sample(Protocol):
-    """A reading of a sensor as the checks decode it; `noun` is what sentences call it."""
+@dataclass(frozen=True, eq=False)
+class Sample(ABC):
+    """A reading of a sensor as the checks decode it: its stamp, when it counts, and its frame.
+
+    `noun` is what sentences call it.
+    """
 
     noun: ClassVar[str]
 
-    @property
-    def stamp_ns(self) -> int:
-        """The time of measurement [ns]."""
-
-    @property
-    def at_ns(self) -> int:
-        """The time at which the message counts [ns]."""
-
-    @property
-    def frame_id(self) -> str:
-        """The sensor's frame, without a slash before it."""
+    stamp_ns: int
+    at_ns: int
+    frame_id: str
 
     @classmethod
+    @abstractmethod
     def of_message(cls, message: Any, at_ns: int) -> "Sample":
         """Return the sample of a message; ValueError where it is malformed."""
 
+    @abstractmethod
     def changes(self, output: Any) -> Changes:
         """Return how an output of the same class differs from this input."""
 
 
 @dataclass(frozen=True, eq=False)
-class LaserSample:
+class LaserSample(Sample):
     """A sensor_msgs/LaserScan; `ranges` and `intensities` float32, `numbers` the other fields."""
 
     noun: ClassVar[str] = "scan"
 
-    stamp_ns: int
-    at_ns: int
-    frame_id: str
     numbers: Mapping[str, float]
     ranges: NDArray[np.float32]
     intensities: NDArray[np.float32]
@@ -121,14 +117,11 @@ class LaserSample:
 
 
 @dataclass(frozen=True, eq=False)
-class RangeSample:
+class RangeSample(Sample):
     """A sensor_msgs/Range: `ranges` float32 (1,), `numbers` the other fields."""
 
     noun: ClassVar[str] = "range"
 
-    stamp_ns: int
-    at_ns: int
-    frame_id: str
     numbers: Mapping[str, float]
     ranges: NDArray[np.float32]
 

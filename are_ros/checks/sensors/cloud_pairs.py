@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from are_ros.bag.decoded import time_ns
 from are_ros.checks.oracle.solids import Cloud
-from are_ros.checks.sensors.beams import Changes
+from are_ros.checks.sensors.beams import Changes, Sample
 
 _FREE: Final = frozenset(
     (
@@ -25,14 +25,11 @@ _SAME_RAY: Final = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
-class SensorCloud:
+class SensorCloud(Sample):
     """A sensor_msgs/PointCloud2 of a sensor: points (N, 3) in its frame, and the bytes of each."""
 
     noun: ClassVar[str] = "point cloud"
 
-    stamp_ns: int
-    at_ns: int
-    frame_id: str
     points_m: NDArray[np.float64]
     rows: NDArray[np.uint8]
     layout: tuple[Any, ...]
