@@ -201,21 +201,6 @@ class GridUpdate:
     data: NDArray[np.int8]
 
 
-@dataclass(frozen=True, eq=False)
-class Scan:
-    """A sensor_msgs/LaserScan; `ranges` and `intensities` float32, `numbers` the other fields.
-
-    A sensor_msgs/Range is a scan of one beam ahead, whose `numbers` have a `field_of_view`.
-    """
-
-    stamp_ns: int
-    at_ns: int
-    frame_id: str
-    numbers: MappingProxyType[str, float]
-    ranges: NDArray[np.float32]
-    intensities: NDArray[np.float32]
-
-
 class TransformSample(NamedTuple):
     """parent_from_child: x, y, z [m], and the quaternion x, y, z, w."""
 
@@ -386,35 +371,6 @@ def _grid_update(message: Any, at_ns: int) -> GridUpdate:
     return GridUpdate(time_ns(message.header.stamp), at_ns, *window, data)
 
 
-_SCAN_NUMBERS: Final = (
-    *("angle_min", "angle_max", "angle_increment"),
-    *("time_increment", "scan_time", "range_min", "range_max"),
-)
-
-
-def _scan(message: Any, at_ns: int) -> Scan:
-    header = message.header
-    numbers = MappingProxyType({name: float(getattr(message, name)) for name in _SCAN_NUMBERS})
-    stamp_ns, frame_id = time_ns(header.stamp), header.frame_id.lstrip("/")
-    return Scan(stamp_ns, at_ns, frame_id, numbers, message.ranges, message.intensities)
-
-
-def _range(message: Any, at_ns: int) -> Scan:
-    header = message.header
-    numbers = {
-        "angle_min": 0.0,
-        "angle_increment": 0.0,
-        "field_of_view": float(message.field_of_view),
-        "radiation_type": float(message.radiation_type),
-        "range_min": float(message.min_range),
-        "range_max": float(message.max_range),
-        "variance": float(getattr(message, "variance", 0.0)),  # ROS 1 and Humble have none
-    }
-    stamp_ns, frame_id = time_ns(header.stamp), header.frame_id.lstrip("/")
-    ranges, none = np.array([message.range], np.float32), np.empty(0, np.float32)
-    return Scan(stamp_ns, at_ns, frame_id, MappingProxyType(numbers), ranges, none)
-
-
 def _transforms(message: Any, at_ns: int) -> Transforms:
     samples = (
         TransformSample(
@@ -451,8 +407,6 @@ _MAKERS: Final[MappingProxyType[str, Callable[[Any, int], Any]]] = MappingProxyT
         "are_msgs/msg/SceneMetrics": _metrics,
         "nav_msgs/msg/OccupancyGrid": _grid,
         "map_msgs/msg/OccupancyGridUpdate": _grid_update,
-        "sensor_msgs/msg/LaserScan": _scan,
-        "sensor_msgs/msg/Range": _range,
         "tf2_msgs/msg/TFMessage": _transforms,
         "nav_msgs/msg/Odometry": _odometry,
         "sensor_msgs/msg/CameraInfo": _image_format,

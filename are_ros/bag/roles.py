@@ -34,7 +34,7 @@ _UPDATE_TYPE: Final = "map_msgs/msg/OccupancyGridUpdate"
 _TELLTALES: Final = {
     OCTOMAP: "octomap",
     "tf_static": "static",
-    "depth": "depth",
+    **{role: kind.telltale for role, kind in SENSORS.items() if kind.telltale},
 }
 """These take a topic by its type only if this is part of its name; others of its type do not."""
 

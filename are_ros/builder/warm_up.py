@@ -18,13 +18,9 @@ from are_ros.agents.local_planner.body import MotionCommand
 from are_ros.agents.simulate import CrowdSimulator
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import collision_resolver
-from are_ros.builder.sensors.colour_image import ColourImage, RawColour
-from are_ros.builder.sensors.depth_image import DepthImage, RawDepth
-from are_ros.builder.sensors.image import Image
-from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.builder.sensors.lens import Lens
-from are_ros.builder.sensors.point_cloud import CloudField, PointCloud
-from are_ros.builder.tick import USUAL, Demand
+from are_ros.builder.sensors.sensor_path import MakeReading
+from are_ros.builder.tick import Demand
 from are_ros.conventions import FREE, NS_PER_S, OCCUPIED
 from are_ros.errors import PlacementError
 from are_ros.parameters.declaration import with_values
@@ -32,18 +28,20 @@ from are_ros.parameters.model import Parameters
 from are_ros.population.artefact import GroundPose
 from are_ros.population.catalogue import Catalogue, MotionLimits
 from are_ros.world.boxes import OrientedBoxes
-from are_ros.world.cameras import Camera, CameraInfo, PinholeView, mounted_camera
+from are_ros.world.cameras import Camera, PinholeView, mounted_camera
 from are_ros.world.environment import Environment
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.regions import SpawnRegion, Zones
 from are_ros.world.rigid_transform import RigidTransform
 
+_BASE: Final = "base_link"
 _NO_TURN = (0.0, 0.0, 0.0, 1.0)
 _SIDE = 120
 _TICKS = 20
 _TICK_NS = NS_PER_S // 10
 _PAUSE_S = 0.05
 _STDOUT = 1
+_EVERYTHING = Demand(octomap=True)
 _NOTHING = Demand(perception=False, grids=False, markers=False)
 _WIDTH, _HEIGHT = 32, 24
 _MINIATURE = {
@@ -62,18 +60,14 @@ _MINIATURE = {
 class WarmUpNeeds:
     """What a run needs, so that it waits for no other kernels.
 
-    Kernels of meshes are compiled if a row of the catalogue has one.
+    `sensors` make a reading of each kind of sensor that it has. Kernels of meshes are compiled if a
+    row of the catalogue has one.
     """
 
-    demand: Demand = USUAL
-    has_scans: bool = True
-    has_clouds: bool = True
-    has_depths: bool = True
-    has_images: bool = True
+    sensors: tuple[MakeReading, ...]
+    demand: Demand = _EVERYTHING
     has_voxels: bool = True
 
-
-ALL: Final = WarmUpNeeds(Demand(octomap=True))
 
 Count = Callable[[int, int], None]
 """Takes how many kernels are compiled, and how many there are at most."""
@@ -81,8 +75,8 @@ Count = Callable[[int, int], None]
 
 def warm_up(
     catalogue: Catalogue,
+    needs: WarmUpNeeds,
     is_wanted: Callable[[], bool] = lambda: True,
-    needs: WarmUpNeeds = ALL,
     count: Count = lambda _done, _total: None,
 ) -> bool:
     """Compile, or load from the cache, the builder's kernels: a minute where they are not there.
@@ -291,24 +285,17 @@ class _Scene:
         builder = self._builder
         builder.reconfigure(self._parameters, self._tick * _TICK_NS)
         builder.demand = self._needs.demand
-        if self._needs.has_depths:
-            builder.await_lens("depth", "camera_info")
-            builder.receive_lens("depth", _lens_of_depths(), self._tick * _TICK_NS)
-        if self._needs.has_images:
-            builder.await_lens("image", "camera_info")
-            builder.receive_lens("image", _lens_of_depths(), self._tick * _TICK_NS)
+        sensors = {f"sensor_{k}": make for k, make in enumerate(self._needs.sensors)}
+        for topic, make in sensors.items():
+            if hasattr(make(_BASE, 0), "seen_through"):
+                builder.await_lens(topic, "camera_info")
+                builder.receive_lens(topic, Lens.miniature(_BASE), self._tick * _TICK_NS)
         if self._needs.has_voxels:
             builder.receive_cloud(_voxels(), "map", self._tick * _TICK_NS, 0.1)
         for i in range(_TICKS):
             now_ns = self._move()
-            if self._needs.has_scans:
-                builder.receive_reading("scan", _scan(now_ns), now_ns)
-            if self._needs.has_clouds:
-                builder.receive_reading("points", _cloud(now_ns), now_ns)
-            if self._needs.has_depths:
-                builder.receive_reading("depth", _depth(now_ns), now_ns)
-            if self._needs.has_images:
-                builder.receive_reading("image", _image(now_ns), now_ns)
+            for topic, make in sensors.items():
+                builder.receive_reading(topic, make(_BASE, now_ns), now_ns)
             if i == 1:
                 builder.receive_camera(_lens(), now_ns)
                 pose = GroundPose(2.0, 1.5, 0.0, 0.1)
@@ -322,7 +309,7 @@ class _Scene:
         """Move the robot on, and return the time."""
         self._ask()
         now_ns, x_m = self._tick * _TICK_NS, 0.1 * (self._tick % _TICKS)
-        self._builder.receive_transform("map", "base_link", now_ns, (x_m, 0, 0), _NO_TURN, now_ns)
+        self._builder.receive_transform("map", _BASE, now_ns, (x_m, 0, 0), _NO_TURN, now_ns)
         self._tick += 1
         return now_ns
 
@@ -391,39 +378,3 @@ def _lens() -> Camera:
     """Return a camera of the miniature's size whose lens distorts."""
     view = PinholeView(_WIDTH, _HEIGHT, 16.0, 16.0, 15.5, 11.5, distortion=(0.1, *[0.0] * 13))
     return mounted_camera(view, (0.0, 0.0, 0.5, 0.0, 0.0, 0.0))
-
-
-def _scan(stamp_ns: int) -> LaserScan:
-    ranges = np.full(36, 2.5, dtype=np.float32)
-    ranges[::2] = np.inf
-    none = np.empty(0, dtype=np.float32)
-    return LaserScan("base_link", stamp_ns, -3.1, 3.1, 6.2 / 35, 0.0, 0.1, 0.05, 8.0, ranges, none)
-
-
-def _cloud(stamp_ns: int) -> PointCloud:
-    """Return a row of points at 2.5 m, with a gap."""
-    angles = np.delete(np.arange(40), slice(10, 14)) * 0.1
-    points_m = 2.5 * np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=1)
-    fields = tuple(CloudField(axis, 4 * k, 7) for k, axis in enumerate("xyz"))
-    data = points_m.astype("<f4").view(np.uint8).reshape(1, -1)
-    return PointCloud("base_link", stamp_ns, fields, False, True, len(angles), 12, data)
-
-
-def _lens_of_depths() -> Lens:
-    """Return a lens that looks along x, as a rectified one may."""
-    k, r = (16.0, 0.0, 15.5, 0.0, 16.0, 11.5, 0.0, 0.0, 1.0), (0, -1, 0, 0, 0, -1, 1, 0, 0)
-    p = (*k[:3], 0.0, *k[3:6], 0.0, *k[6:], 0.0)
-    info = CameraInfo(_WIDTH, _HEIGHT, "plumb_bob", (), k, tuple(map(float, r)), p)
-    return Lens("base_link", info, info.view(rectified=True))
-
-
-def _depth(stamp_ns: int) -> DepthImage:
-    """Return an image in which nothing came back."""
-    numbers = np.zeros((_HEIGHT, 2 * _WIDTH), np.uint8)
-    return DepthImage(RawDepth(Image("base_link", stamp_ns, "16UC1", 0, _WIDTH, numbers)))
-
-
-def _image(stamp_ns: int) -> ColourImage:
-    """Return a grey image, in which what arrives is painted."""
-    numbers = np.full((_HEIGHT, 3 * _WIDTH), 100, np.uint8)
-    return ColourImage(RawColour(Image("base_link", stamp_ns, "rgb8", 0, _WIDTH, numbers)))

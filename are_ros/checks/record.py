@@ -20,7 +20,6 @@ from are_ros.bag.decoded import (
     Odometry,
     Perceived,
     Predicted,
-    Scan,
     Scene,
     Transforms,
     TransformSample,
@@ -45,6 +44,7 @@ from are_ros.checks.marker_rules import MarkerChange, change_of
 from are_ros.checks.oracle.frames import ODOMETRY, PREFERRED_ODOMETRY, TF, Frames
 from are_ros.checks.oracle.solids import Cloud, RealMap
 from are_ros.checks.result import Tally, at_s
+from are_ros.checks.sensors.beams import BEAMS
 from are_ros.checks.sensors.cloud_pairs import SensorCloud
 from are_ros.checks.sensors.colours import ColourFrame, ImagePairs
 from are_ros.checks.sensors.depth_images import DepthFrame, info_topic
@@ -235,8 +235,6 @@ class Record:
             self.scans.add_info(topic, value.message)
             if not is_output and topic not in self.infos_of_depths:
                 self.images.append(value)
-        elif kind is Scan:
-            self.scans.add(topic, value)
         elif kind is Transforms:
             for sample in value.samples:
                 self._take_transform(sample, value.at_ns, TF, is_static="static" in topic)
@@ -276,8 +274,11 @@ class Record:
         return kept
 
     def _take_plain(self, message: RecordedMessage, value: Any) -> None:
-        """Take a cloud or an image, which come as rosbags' objects."""
-        if message.type_name == _CLOUD:
+        """Take a reading of a sensor or boxes, which come as rosbags' objects."""
+        if message.type_name in BEAMS:
+            sample = BEAMS[message.type_name].of_message(value, message.at_ns)
+            self.scans.add(message.topic, sample)
+        elif message.type_name == _CLOUD:
             self._take_cloud(message.topic, value, message.at_ns)
         elif message.type_name in _IMAGES:
             self._take_image(message.topic, value, message.at_ns)

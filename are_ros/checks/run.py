@@ -16,6 +16,7 @@ from are_ros.checks.oracle.solids import RealMap
 from are_ros.checks.overlaps import check_clutter, check_neighbours, check_robot, check_walls
 from are_ros.checks.record import Reading
 from are_ros.checks.result import CheckResult, Outcome
+from are_ros.checks.sensors.depth_images import DepthFrame
 from are_ros.checks.sensors.octomap import check_octomap
 from are_ros.checks.sensors.painted import check_boxes, check_images
 from are_ros.checks.sensors.scans import check_depths, check_scans
@@ -78,7 +79,7 @@ def check_recording(
         results += check_grids(record, reading.grids())
     results += check_scans(record)
     for is_there, check in (
-        (record.scans.depths, check_depths),
+        (record.scans.counts[DepthFrame], check_depths),
         (record.has_images, check_images),
         (record.has_boxes, check_boxes),
         (record.octomaps.kept, check_octomap),

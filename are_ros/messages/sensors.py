@@ -1,8 +1,8 @@
 """The kinds of sensors whose readings are augmented, and their messages <-> the core's readings.
 
-To add a kind: a class with the methods of `are_ros.builder.sensors.sensor_path.Reading`, the
-conversion of its message in this file, an entry in `SENSORS`, and a parameter with its topics in
-`sensors`.
+To add a kind takes four places: its reading in `builder/sensors/` (a class with the methods of
+`sensor_path.Reading`, and a `miniature`), its message and its entry in `SENSORS` here, the
+parameter of its topics in `SensorsParameters`, and its sample in `checks/sensors/beams.py`.
 """
 
 from collections.abc import Callable, Mapping
@@ -13,10 +13,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from are_ros.builder.sensors.colour_image import ColourImage
+from are_ros.builder.sensors.depth_image import DepthImage
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.builder.sensors.point_cloud import CloudField, PointCloud
 from are_ros.builder.sensors.range_reading import RangeReading
-from are_ros.builder.sensors.sensor_path import Reading, ReleasedReading
+from are_ros.builder.sensors.sensor_path import MakeReading, Reading, ReleasedReading
 from are_ros.messages.cdr import CdrWriter
 from are_ros.messages.common import read_array, read_time
 from are_ros.messages.images.colour import (
@@ -161,7 +163,9 @@ class SensorKind:
     there is one topic. `parameter` is the field of `SensorsParameters` with the topics.
     `read(message, topic)` raises InputError; `encode` returns little-endian XCDR1 with its
     encapsulation. A kind with `compressed_type` is one of images: topics that end with a transport
-    of image_transport are of that type, and a CameraInfo comes beside each.
+    of image_transport are of that type, and a CameraInfo comes beside each. Where several kinds
+    share a type, one with a `telltale` takes the topics that have it in their name. `noun` is what
+    sentences call a reading, without it the role.
     """
 
     role: str
@@ -169,8 +173,11 @@ class SensorKind:
     parameter: str
     read: Callable[[Any, str], Reading]
     encode: Callable[[Any], bytes]
+    miniature: MakeReading
     compressed_type: str = ""
     output: str = ""
+    telltale: str = ""
+    noun: str = ""
 
     @property
     def type_names(self) -> tuple[str, ...]:
@@ -203,17 +210,41 @@ class SensorKind:
 
 
 _KINDS: Final = (
-    SensorKind("scan", "sensor_msgs/msg/LaserScan", "scans", read_scan, encode_scan),
-    SensorKind("range", "sensor_msgs/msg/Range", "ranges", read_range, encode_range),
-    SensorKind("points", "sensor_msgs/msg/PointCloud2", "clouds", read_cloud, encode_cloud),
+    SensorKind(
+        "scan",
+        "sensor_msgs/msg/LaserScan",
+        "scans",
+        read_scan,
+        encode_scan,
+        LaserScan.miniature,
+    ),
+    SensorKind(
+        "range",
+        "sensor_msgs/msg/Range",
+        "ranges",
+        read_range,
+        encode_range,
+        RangeReading.miniature,
+    ),
+    SensorKind(
+        "points",
+        "sensor_msgs/msg/PointCloud2",
+        "clouds",
+        read_cloud,
+        encode_cloud,
+        PointCloud.miniature,
+        noun="cloud",
+    ),
     SensorKind(
         "depth",
         "sensor_msgs/msg/Image",
         "depths",
         read_depth,
         encode_depth,
+        DepthImage.miniature,
         compressed_type="sensor_msgs/msg/CompressedImage",
         output="depth/image",
+        telltale="depth",
     ),
     SensorKind(
         "image",
@@ -221,12 +252,16 @@ _KINDS: Final = (
         "images",
         read_colour,
         encode_colour,
+        ColourImage.miniature,
         compressed_type="sensor_msgs/msg/CompressedImage",
         output="camera/image",
     ),
 )
 SENSORS: Final[Mapping[str, SensorKind]] = MappingProxyType({kind.role: kind for kind in _KINDS})
 """The kinds of sensors by role."""
+
+MINIATURES: Final = tuple(kind.miniature for kind in _KINDS)
+"""What `warm_up` needs for every kind."""
 
 CAMERA_INFO: Final = "camera_info"
 """The role of a topic that only has the CameraInfo of images."""

@@ -12,9 +12,10 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.logging import get_logger
 
 from are_ros.builder.assembly import catalogue_of
-from are_ros.builder.warm_up import warm_up
+from are_ros.builder.warm_up import WarmUpNeeds, warm_up
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, NodeError
+from are_ros.messages.sensors import MINIATURES
 from are_ros.messages.tick_encoding import offered_outputs
 from are_ros.node.diagnostics import Reporter
 from are_ros.node.heartbeat import offer_heartbeat
@@ -170,7 +171,8 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         catalogue = self._catalogue = catalogue_of(parameters)
         mixture_of(parameters, catalogue)
         self.get_logger().info("preparing the kernels (a minute or two the first time)")
-        if not warm_up(catalogue, self.is_wanted, count=self._tell_kernels):
+        needs = WarmUpNeeds(MINIATURES)
+        if not warm_up(catalogue, needs, self.is_wanted, count=self._tell_kernels):
             raise NodeError("it is not configured: the node is to end")
         self._said.clear()
         subscriptions = self._inputs = Subscriptions(

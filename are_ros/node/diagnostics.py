@@ -75,7 +75,7 @@ class NodeState(Enum):
 class SensorSnapshot:
     """The augmented readings of a topic: totals, and those recently passed through unchanged.
 
-    `role` is the kind of the sensor, "scan" or "range".
+    `role` is the kind of the sensor, a key of `SENSORS`.
     """
 
     topic: str

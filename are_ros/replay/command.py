@@ -235,7 +235,7 @@ def complaints(outcome: Outcome) -> list[str]:
     ]
     for topic, problem in sorted(outcome.scan_problems.items()):
         role = outcome.role_of_topic[topic]
-        noun = "cloud" if role == "points" else role
+        noun = SENSORS[role].noun or role
         passed = counted(outcome.scans[topic].passed_through, noun)
         lines.append(f"{topic}: {passed} passed through unaugmented, the last for: {problem}")
         is_of_time = CLOCKS_DIFFER in problem or WITHOUT_STAMP in problem

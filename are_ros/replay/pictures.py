@@ -38,14 +38,7 @@ Say = Callable[[str], None]
 POPULATION: Final = "population.png"
 DECISIONS: Final = "decisions.png"
 _NOTHING_SHOWN: Final = Demand(perception=False, grids=False, markers=False)
-_MOTION_ONLY: Final = WarmUpNeeds(
-    _NOTHING_SHOWN,
-    has_scans=False,
-    has_clouds=False,
-    has_depths=False,
-    has_images=False,
-    has_voxels=False,
-)
+_MOTION_ONLY: Final = WarmUpNeeds((), _NOTHING_SHOWN, has_voxels=False)
 WITHOUT_ROBOT: Final = (
     "the robot is not shown: the recording does not tell where it is; "
     "`are replay BAG --with-inputs` writes the inputs, which do, beside the outputs"
@@ -146,7 +139,7 @@ def plot_decisions(
     settings, row = parameters.behaviour, row_named(catalogue, name)
     journey = journey_of(row, settings, survey)
     with KernelBar() as kernels:
-        warm_up(catalogue, needs=_MOTION_ONLY, count=kernels.count)
+        warm_up(catalogue, _MOTION_ONLY, count=kernels.count)
     with ProgressBar("lives") as bar:
         move = bar.open(0, simulated_ns(survey))
         lives = simulate_lives(row, catalogue, parameters, survey, move)

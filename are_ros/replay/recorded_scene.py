@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from are_ros.agents.events import ArtefactEvent, EventKind, SceneMetrics
-from are_ros.bag.decoded import Event, Grid, Metrics, Perceived, Scan, Scene
+from are_ros.bag.decoded import Event, Grid, Metrics, Perceived, Scene
 from are_ros.bag.recording import PREFIX, Recording, find_recording
 from are_ros.bag.roles import find_roles, slashed
 from are_ros.builder.sensors.laser_scan import LaserScan
@@ -19,6 +19,7 @@ from are_ros.draw.scene import ArtefactAt, Moment, ScanPoints, SceneRecord, scan
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.common import read_header
 from are_ros.messages.maps import read_voxels
+from are_ros.messages.sensors import read_scan
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
 from are_ros.population.artefact import GroundPose
@@ -306,13 +307,10 @@ class _ScanKeeper:
         return tuple(found.values())
 
 
-def _remember(scans: "OrderedDict[tuple[int, str], LaserScan]", value: Scan) -> None:
+def _remember(scans: "OrderedDict[tuple[int, str], LaserScan]", message: Any) -> None:
     """Keep a scan; a malformed one is not shown, and `are check` reports it."""
-    first, last, step, beam_s, scan_s, nearest, farthest = value.numbers.values()
-    angles, times, reach = (first, last, step), (beam_s, scan_s), (nearest, farthest)
-    beams, head = (value.ranges, value.intensities), (value.frame_id, value.stamp_ns)
     try:
-        scan = LaserScan(*head, *angles, *times, *reach, *beams).checked()
+        scan = read_scan(message)
     except InputError:
         return
     scans[scan.stamp_ns, scan.frame_id] = scan

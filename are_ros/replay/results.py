@@ -39,7 +39,7 @@ _OTHER_PHASES = {
 class ReplayCounts:
     """The counts beside the scene, by topic: readings by outcome, messages refused and written.
 
-    `readings` are counted by role ("scan", "range") and topic.
+    `readings` are counted by role, as in `SENSORS`, and topic.
     """
 
     readings: Mapping[str, Mapping[str, SensorPathCounts]] = field(default_factory=dict)

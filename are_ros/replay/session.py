@@ -25,7 +25,7 @@ from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import SceneRecord
 from are_ros.errors import BagError, FrameError, InputError, MapError
 from are_ros.messages.feed import Refusals
-from are_ros.messages.sensors import SENSORS, sensor_topics
+from are_ros.messages.sensors import SENSORS
 from are_ros.messages.tick_encoding import offered_outputs
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.choices import CameraModel, OnRobotContact
@@ -168,17 +168,14 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
                 is_unclear = roles.to_choose((_CAMERA_ROLE,))
                 none_where = "is chosen" if is_unclear else "in the recording"
                 say(f"no camera {none_where}: {builder.use_default_camera()}")
-            kinds = {kind.role for kind in sensor_topics(replay.role_of_topic).values()}
+            played = set(replay.role_of_topic.values())
             needs = WarmUpNeeds(
+                tuple(kind.miniature for role, kind in SENSORS.items() if role in played),
                 options.demand,
-                has_scans=bool(kinds & {"scan", "range"}),
-                has_clouds="points" in kinds,
-                has_depths="depth" in kinds,
-                has_images="image" in kinds,
                 has_voxels=options.octomap_file is not None or roles.topic(OCTOMAP) is not None,
             )
             with said_if_slow(say, _PREPARING), KernelBar() as bar:
-                warm_up(catalogue, needs=needs, count=bar.count)
+                warm_up(catalogue, needs, count=bar.count)
             files.feed(builder, replay.start_ns)
         perceives = options.demand.perception
         recorder = SceneRecorder(options.parameters, catalogue, is_perceiving=perceives)

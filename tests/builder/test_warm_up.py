@@ -9,7 +9,8 @@ import pytest
 from numba.core import event
 
 from are_ros.builder import warm_up as module
-from are_ros.builder.warm_up import warm_up
+from are_ros.builder.warm_up import WarmUpNeeds, warm_up
+from are_ros.messages.sensors import MINIATURES
 from are_ros.population.catalogue import Catalogue, CatalogueRow, MotionLimits
 from are_ros.population.meshes.shapes import Shape
 
@@ -18,8 +19,9 @@ SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample_office.mcap"
 _REPLAY_AFTER_WARM_UP = """
 import sys
 from are_ros.builder.files.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
-from are_ros.builder.warm_up import warm_up
+from are_ros.builder.warm_up import WarmUpNeeds, warm_up
 from are_ros.cli import main
+from are_ros.messages.sensors import MINIATURES
 
 def compiled():
     return {
@@ -30,7 +32,7 @@ def compiled():
         if getattr(value, "__module__", "") == name != "are_ros.messages.markers"
     }
 
-warm_up(read_catalogue(SHIPPED_CATALOGUE))
+warm_up(read_catalogue(SHIPPED_CATALOGUE), WarmUpNeeds(MINIATURES))
 known = compiled()
 assert len(known) > 30, known
 sys.argv = ["are", "replay", *sys.argv[1:]]
@@ -44,14 +46,14 @@ _KERNELS_OF_BOXES = """
 import sys
 from are_ros.builder.warm_up import Demand, WarmUpNeeds, warm_up
 from tests.builder.test_warm_up import catalogue_of
-names = 'scans', 'clouds', 'depths', 'images', 'voxels'
-sensors = {f'has_{name}': False for name in names}
-warm_up(catalogue_of(2), needs=WarmUpNeeds(Demand(grids=False), **sensors))
+warm_up(catalogue_of(2), WarmUpNeeds((), Demand(grids=False), has_voxels=False))
 for name, module in list(sys.modules.items()):
     for kernel, value in vars(module).items() if name.startswith("are_ros.") else ():
         if getattr(value, "signatures", ()):
             print(f"{value.py_func.__module__}.{kernel}")
 """
+
+ALL = WarmUpNeeds(MINIATURES)
 
 
 def catalogue_of(count: int) -> Catalogue:
@@ -64,14 +66,14 @@ def catalogue_of(count: int) -> Catalogue:
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_it_works_with_catalogues_of_any_length(count: int) -> None:
     """The mixture of the parameters would not: it is made for the shipped one."""
-    assert warm_up(catalogue_of(count))
+    assert warm_up(catalogue_of(count), ALL)
 
 
 def test_it_ends_between_two_steps_when_it_is_not_wanted_any_more() -> None:
     """At once, or later on."""
-    assert not warm_up(catalogue_of(2), lambda: False)
+    assert not warm_up(catalogue_of(2), ALL, lambda: False)
     answers = iter([True] * 3)
-    assert not warm_up(catalogue_of(2), lambda: next(answers, False))
+    assert not warm_up(catalogue_of(2), ALL, lambda: next(answers, False))
 
 
 def test_it_ends_before_the_next_kernel_when_it_is_not_wanted_any_more(
@@ -92,8 +94,8 @@ def test_it_ends_before_the_next_kernel_when_it_is_not_wanted_any_more(
         def sense(self) -> None: ...
 
     monkeypatch.setattr(module, "_Scene", Compiling)
-    assert warm_up(catalogue_of(1))
-    assert not warm_up(catalogue_of(1), lambda: False)
+    assert warm_up(catalogue_of(1), ALL)
+    assert not warm_up(catalogue_of(1), ALL, lambda: False)
     assert asked == [True]
     Compiling().live()
     assert asked == [True, True]
@@ -102,9 +104,9 @@ def test_it_ends_before_the_next_kernel_when_it_is_not_wanted_any_more(
 def test_a_helper_rehearses_what_sees_in_a_process_of_its_own() -> None:
     """It gets the catalogue, comes to its end, and tells of no kernel that is in the cache."""
     catalogue = catalogue_of(2)
-    assert warm_up(catalogue)
+    assert warm_up(catalogue, ALL)
     with ExitStack() as stack:
-        helper = module._Helper(catalogue, module.ALL, stack)
+        helper = module._Helper(catalogue, ALL, stack)
         helper.start()
         if helper._process is None:
             pytest.skip("a machine of one core has no helper")
@@ -143,6 +145,6 @@ def test_behaviours_of_the_users_own_have_no_part_in_the_rehearsal() -> None:
     shares = {"walking": 0.25, "standing": 0.25, "tests.agents.behaviours.failing:Unmade": 0.5}
     box = ((0.3, 0.5, 1.7), (0.0, 0.0, 0.0), Shape.PERSON)
     row = CatalogueRow(0, "guest", "person", *box, motion=motion, behaviours=shares)
-    assert warm_up(Catalogue((row,)))
+    assert warm_up(Catalogue((row,)), ALL)
     (tame,) = module._tame(Catalogue((row,))).rows
     assert tame.behaviours == {"walking": 0.75, "standing": 0.25}

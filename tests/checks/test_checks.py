@@ -15,7 +15,7 @@ import pytest
 from mcap.reader import make_reader
 from numpy.typing import NDArray
 
-from are_ros.bag.types import RosbagsFactory
+from are_ros.bag.types import RosbagsFactory, jazzy_typestore
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.costmap.inflation import InflatedCostmap
 from are_ros.builder.costmap.registration import CellPatch, covered_cells, patch_changes
@@ -24,6 +24,7 @@ from are_ros.checks.result import CheckResult
 from are_ros.checks.run import Outcome, check_recording
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
+from are_ros.messages.sensors import SENSORS, SensorKind
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import write_ros_parameters
@@ -919,7 +920,9 @@ def test_an_artefact_may_be_too_close_to_measure(right: Draft, tmp_path: Path) -
     assert ends.outcome is Outcome.PASSED, ends.sentence()
 
 
-def _with_sonar(draft: Draft, range_m: float, real_m: float = math.inf) -> Draft:
+def _with_sonar(
+    draft: Draft, range_m: float, real_m: float = math.inf, source: str = "/range"
+) -> Draft:
     """Add a reading of a sonar at the laser's place, whose axis passes artefact 1 by 0.15 rad."""
     x, y, _ = PLACES[1]
     toward = math.atan2(y - ROBOT[1], x - ROBOT[0])
@@ -927,7 +930,7 @@ def _with_sonar(draft: Draft, range_m: float, real_m: float = math.inf) -> Draft
     turn = static.transforms[0].transform.rotation
     turn.z, turn.w = math.sin(0.5 * (toward - 0.15)), math.cos(0.5 * (toward - 0.15))
     draft.messages["/tf_static"].append((START_NS - 80 * MS, static))
-    for topic, value_m, late_ns in (("/range", real_m, MS), (OUT + "range", range_m, 5 * MS)):
+    for topic, value_m, late_ns in ((source, real_m, MS), (OUT + "range", range_m, 5 * MS)):
         message = MAKE(
             "sensor_msgs/msg/Range",
             header=make_header(SCAN_NS, "sonar"),
@@ -962,6 +965,41 @@ def test_a_range_is_judged_like_a_beam(right: Draft, tmp_path: Path) -> None:
     told = results_of(draft, tmp_path)["scans"].sentence()
     assert "/ar_builder/range" in told
     assert "has no scan of this stamp that came in" in told
+
+
+def test_a_range_beside_a_scan_may_come_from_any_topic(right: Draft, tmp_path: Path) -> None:
+    """The only sonar is the input of the only augmented range, though a laser is there, too."""
+    for source in ("/range", "/sonar"):
+        results = results_of(_with_sonar(copy.deepcopy(right), 5.0, 5.0, source), tmp_path)
+        assert results["scans"].outcome is Outcome.PASSED, results["scans"].sentence()
+        assert "1 range among them" in results["scans"].sentence()
+
+
+def test_the_other_numbers_of_a_range_stay(right: Draft, tmp_path: Path) -> None:
+    """Each of them is its input's, also if the range is."""
+    for name in ("radiation_type", "field_of_view", "min_range", "max_range", "variance"):
+        draft = _with_sonar(copy.deepcopy(right), 5.0, 5.0)
+        setattr(draft.messages[OUT + "range"][0][1], name, 1)
+        result = results_of(draft, tmp_path)["scans"]
+        assert result.outcome is Outcome.FAILED
+        assert (
+            f"/ar_builder/range at 1000.220000000 s has {name} 1.0, its input" in result.sentence()
+        )
+
+
+@pytest.mark.parametrize("kind", SENSORS.values(), ids=SENSORS)
+def test_every_kind_of_sensor_is_judged(kind: SensorKind, right: Draft, tmp_path: Path) -> None:
+    """A reading that was made of no input is found, whatever kind it is of."""
+    draft = copy.deepcopy(right)
+    source = f"/front/{kind.role}"
+    topic = OUT + source[1:]
+    for name, stamp_ns in ((source, SCAN_NS - 50 * MS), (topic, SCAN_NS)):
+        reading = kind.miniature("laser", stamp_ns)
+        message = jazzy_typestore().deserialize_cdr(kind.encode(reading), kind.type_name)
+        draft.types[name], draft.messages[name] = kind.type_name, [(SCAN_NS + 5 * MS, message)]
+    results = results_of(draft, tmp_path).values()
+    failed = [r.sentence() for r in results if r.outcome is Outcome.FAILED]
+    assert [sentence for sentence in failed if topic in sentence and "that came in" in sentence]
 
 
 def _with_cloud(draft: Draft, real_m: list[Point3], ours_m: list[Point3], ring: int = 4) -> Draft:

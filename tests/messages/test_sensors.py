@@ -2,17 +2,28 @@
 
 from array import array
 from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from are_ros.bag.types import RosbagsFactory
+from are_ros.bag.types import RosbagsFactory, jazzy_typestore
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.errors import InputError
-from are_ros.messages.sensors import SensorOutputs, lens_topics, read_scan, sensor_outputs
+from are_ros.messages.sensors import (
+    SENSORS,
+    SensorKind,
+    SensorOutputs,
+    lens_topics,
+    read_scan,
+    sensor_outputs,
+)
+from are_ros.parameters.model import SensorsParameters
 from bags.simulation.making import make_scan
 
+PROJECT = Path(__file__).resolve().parents[2]
 SCAN = LaserScan(
     "laser", 5_000_000_001, -0.5, 0.25, 0.25, 0.125, 0.5, 0.0625, 30.0,
     np.array([1.0, np.nan, np.inf, 4.0], np.float32), np.array([9, 8, 7, 6], np.float32),
@@ -46,6 +57,30 @@ def test_a_malformed_scan_is_refused(factory: RosbagsFactory, field: str, value:
     setattr(message, field, value)
     with pytest.raises(InputError, match=r"^/scan: "):
         read_scan(message, "/scan")
+
+
+@pytest.mark.parametrize("kind", SENSORS.values(), ids=SENSORS)
+def test_the_declaration_of_a_kind_fits_together(kind: SensorKind) -> None:
+    """Its miniature goes over the wire and comes back as such a reading; its parameter is there."""
+    miniature = kind.miniature("sensor", 7_000_000_001)
+    message = jazzy_typestore().deserialize_cdr(kind.encode(miniature), kind.type_name)
+    back = kind.read(message, "/topic")
+    assert type(back) is type(miniature)
+    assert (back.frame_id, back.stamp_ns) == ("sensor", 7_000_000_001)
+    assert kind.encode(back) == kind.encode(miniature)
+    assert kind.parameter in {one.name for one in fields(SensorsParameters)}
+
+
+@pytest.mark.parametrize("kind", SENSORS.values(), ids=SENSORS)
+def test_the_documents_have_each_kind(kind: SensorKind) -> None:
+    """Its parameter and its type in the table of sensors, its output in the README's."""
+    package, _, name = kind.type_name.split("/")
+    rows = (PROJECT / "docs" / "sensors.md").read_text().splitlines()
+    (row,) = (row for row in rows if row.startswith("|") and f"`sensors.{kind.parameter}`" in row)
+    assert f"{package}/{name}" in row
+    outputs = (PROJECT / "README.md").read_text().splitlines()
+    (row,) = (row for row in outputs if row.startswith(f"| `{kind.output_of('/topic')}`"))
+    assert f"{package}/{name}" in row
 
 
 def test_names_of_outputs() -> None:

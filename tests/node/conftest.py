@@ -35,9 +35,9 @@ def warm_once(ros_available: None) -> Callable[..., bool]:  # noqa: ARG001 - it 
 
     is_warm = False
 
-    def warm(catalogue: Any, is_wanted: Callable[[], bool], **_: Any) -> bool:
+    def warm(catalogue: Any, needs: Any, is_wanted: Callable[[], bool], **_: Any) -> bool:
         nonlocal is_warm
-        is_warm = is_warm or warm_up(catalogue, is_wanted)
+        is_warm = is_warm or warm_up(catalogue, needs, is_wanted)
         return is_warm
 
     return warm

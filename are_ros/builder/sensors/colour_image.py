@@ -222,6 +222,11 @@ class ColourImage:
     lens: Lens | None = None
     truth: ImageTruth | None = None
 
+    @classmethod
+    def miniature(cls, frame_id: str, stamp_ns: int) -> "ColourImage":
+        """Return a grey image, in which what arrives is painted, for `warm_up`."""
+        return cls(RawColour(Image.miniature(frame_id, stamp_ns, "rgb8", bytes((100,) * 3))))
+
     @property
     def frame_id(self) -> str:
         """The optical frame."""

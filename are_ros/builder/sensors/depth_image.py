@@ -172,6 +172,11 @@ class DepthImage:
     pixels: DepthPixels
     lens: Lens | None = None
 
+    @classmethod
+    def miniature(cls, frame_id: str, stamp_ns: int) -> "DepthImage":
+        """Return an image in which nothing came back, for `warm_up`."""
+        return cls(RawDepth(Image.miniature(frame_id, stamp_ns, "16UC1", bytes(2))))
+
     @property
     def frame_id(self) -> str:
         """The optical frame."""

@@ -37,6 +37,10 @@ _FORMATS: Final = {
 }
 
 
+MINIATURE_PX: Final = (32, 24)
+"""Width and height of the images, and of their lens, with which `warm_up` compiles kernels."""
+
+
 def pixel_layout(encoding: str) -> tuple[str, int] | None:
     """Return the numpy format of a number and the channels of a pixel, None if it is not known.
 
@@ -107,6 +111,13 @@ class Image:
                 f" = {height * step}"
             )
         return cls(frame_id, stamp_ns, encoding, is_bigendian, width, data.reshape(height, step))
+
+    @classmethod
+    def miniature(cls, frame_id: str, stamp_ns: int, encoding: str, pixel: bytes) -> "Image":
+        """Return a small image of an encoding, all its pixels alike, for `warm_up`."""
+        width, height = MINIATURE_PX
+        data = np.tile(np.frombuffer(pixel, np.uint8), (height, width))
+        return cls(frame_id, stamp_ns, encoding, 0, width, data)
 
     @property
     def height(self) -> int:

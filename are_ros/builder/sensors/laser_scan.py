@@ -63,6 +63,14 @@ class LaserScan:
             raise InputError(f"{source}: {reason}")
         return self
 
+    @classmethod
+    def miniature(cls, frame_id: str, stamp_ns: int) -> "LaserScan":
+        """Return a small scan with returns and without, for `warm_up`."""
+        ranges = np.full(36, 2.5, dtype=np.float32)
+        ranges[::2] = np.inf
+        none = np.empty(0, dtype=np.float32)
+        return cls(frame_id, stamp_ns, -3.1, 3.1, 6.2 / 35, 0.0, 0.1, 0.05, 8.0, ranges, none)
+
     def directions(self) -> npt.NDArray[np.float64]:
         """Return the beams' unit vectors in the laser's frame, float64 (N, 3)."""
         angles = self.angle_min_rad + np.arange(len(self.ranges)) * self.angle_increment_rad

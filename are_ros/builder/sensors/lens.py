@@ -12,6 +12,7 @@ from are_ros.builder.occlusion.kernels import Boxes, find_candidates
 from are_ros.builder.occlusion.meshes import MeshSelection, Tree, cast_tile, enters
 from are_ros.builder.occlusion.rays import PIXELS, TILE, TiledRays, inverse
 from are_ros.builder.occlusion.zbuffer import boxes_seen_from
+from are_ros.builder.sensors.image import MINIATURE_PX
 from are_ros.errors import InputError
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.cameras import CameraInfo, FisheyeView, PinholeView
@@ -48,6 +49,15 @@ class Lens:
     frame_id: str
     info: CameraInfo
     view: PinholeView | FisheyeView
+
+    @classmethod
+    def miniature(cls, frame_id: str) -> "Lens":
+        """Return a lens for small images that looks along x, as a rectified one may."""
+        width, height = MINIATURE_PX
+        k, r = (16.0, 0.0, 15.5, 0.0, 16.0, 11.5, 0.0, 0.0, 1.0), (0, -1, 0, 0, 0, -1, 1, 0, 0)
+        p = (*k[:3], 0.0, *k[3:6], 0.0, *k[6:], 0.0)
+        info = CameraInfo(width, height, "plumb_bob", (), k, tuple(map(float, r)), p)
+        return cls(frame_id, info, info.view(rectified=True))
 
     def check_size(self, height: int, width: int) -> None:
         """Raise InputError for an image of another size than the view's."""

@@ -52,6 +52,11 @@ class RangeReading:
             raise InputError(f"{source}: {reason}")
         return self
 
+    @classmethod
+    def miniature(cls, frame_id: str, stamp_ns: int) -> "RangeReading":
+        """Return a reading without a return, for `warm_up`."""
+        return cls(frame_id, stamp_ns, 0, 0.5, 0.05, 8.0, math.inf, 0.0)
+
     def augmented(self, map_from_sensor: RigidTransform, obstacles: Obstacles) -> "RangeReading":
         """Return the reading with the nearest artefact within the cone, if that is nearer.
 

@@ -66,6 +66,12 @@ class Reading(Protocol):
         """
 
 
+MakeReading = Callable[[str, int], Reading]
+"""Makes a small reading of a kind of sensor, of a frame and a stamp [ns], for `warm_up`.
+
+Its augmentation needs all kernels of the kind.
+"""
+
 Augment = Callable[[Any, RigidTransform], Any]
 
 

@@ -1,13 +1,14 @@
 """Augmented point clouds beside their inputs: which points changed, and whether they may."""
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from are_ros.bag.decoded import time_ns
 from are_ros.checks.oracle.solids import Cloud
+from are_ros.checks.sensors.beams import Changes, Sample
 
 _FREE: Final = frozenset(
     (
@@ -24,12 +25,11 @@ _SAME_RAY: Final = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
-class SensorCloud:
+class SensorCloud(Sample):
     """A sensor_msgs/PointCloud2 of a sensor: points (N, 3) in its frame, and the bytes of each."""
 
-    stamp_ns: int
-    at_ns: int
-    frame_id: str
+    noun: ClassVar[str] = "point cloud"
+
     points_m: NDArray[np.float64]
     rows: NDArray[np.uint8]
     layout: tuple[Any, ...]
@@ -58,30 +58,30 @@ class SensorCloud:
             is_kept,
         )
 
+    def changes(self, output: "SensorCloud") -> Changes:
+        """Return which points changed, and whether they may.
+
+        Points may only come nearer on their rays, keep all that does not depend on that, and follow
+        the others where the cloud is not organised.
+        """
+        if fault := _layout_fault(self, output):
+            return Changes(fault)
+        count = len(self.rows)
+        changed = np.flatnonzero((output.rows[:count] != self.rows).any(axis=1))
+        which = np.concatenate((changed, np.arange(count, len(output.rows))))
+        had = np.zeros(len(which), np.bool_)
+        had[: len(changed)] = self.is_return[changed]
+        if fault := _points_fault(self, output, changed, which[had]):
+            return Changes(fault)
+        ends_m = output.points_m[which][:, None]
+        return Changes("", ends_m, np.zeros(len(which), np.bool_), ~had)
+
     @property
     def is_return(self) -> NDArray[np.bool_]:
         """Which points (N,) came back: finite ones that are not at the sensor."""
         is_finite = np.isfinite(self.points_m).all(axis=1)
         away: NDArray[np.bool_] = np.linalg.norm(self.points_m, axis=1) > _NOTHING_M
         return is_finite & away
-
-
-def changed_points(
-    real: SensorCloud, output: SensorCloud
-) -> tuple[str, NDArray[np.int64], NDArray[np.bool_]]:
-    """Return a fault or "", which points (M,) of the output changed, and which had no return.
-
-    Points may only come nearer on their rays, keep all that does not depend on that, and follow
-    the others where the cloud is not organised.
-    """
-    fault, count = _layout_fault(real, output), len(real.rows)
-    if fault:
-        return fault, np.empty(0, np.int64), np.empty(0, np.bool_)
-    changed = np.flatnonzero((output.rows[:count] != real.rows).any(axis=1))
-    which = np.concatenate((changed, np.arange(count, len(output.rows))))
-    had = np.zeros(len(which), np.bool_)
-    had[: len(changed)] = real.is_return[changed]
-    return _points_fault(real, output, changed, which[had]), which, ~had
 
 
 def _layout_fault(real: SensorCloud, output: SensorCloud) -> str:

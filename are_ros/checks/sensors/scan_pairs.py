@@ -1,17 +1,15 @@
-"""Each augmented reading of a sensor beside its input: what changed, and whether it may."""
+"""Each augmented reading of a sensor beside its input."""
 
-import math
 from bisect import bisect_left
-from collections import deque
+from collections import Counter, deque
 from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from are_ros.bag.decoded import Scan
 from are_ros.bag.recording import PREFIX
-from are_ros.checks.sensors.cloud_pairs import SensorCloud, changed_points
+from are_ros.checks.sensors.beams import BEAMS, Changes, Sample
 from are_ros.checks.sensors.depth_images import (
     DepthFrame,
     DepthPair,
@@ -24,11 +22,11 @@ from are_ros.checks.sensors.depth_images import (
 _MOST_WAITING: Final = 2000
 _MOST_IMAGES: Final = 40
 _MOST_LENSES: Final = 4
-_MOST_CLOUDS: Final = 100
+_MOST_LARGE: Final = 100
+"""Of inputs that wait for what was made of them: of beams, and of clouds and images."""
 _MOST_ENDS: Final = 2000
 """Of the changed pixels of an image, so many are looked at where they end."""
 _TOO_NEAR_M: Final = 1e-3
-_CONE_STEP_RAD: Final = 0.02
 _GAP: Final = 1.5
 """In usual distances of scans: farther apart, there was one in between."""
 
@@ -50,19 +48,9 @@ class Released:
 
 @dataclass(frozen=True, eq=False)
 class ChangedScan(Released):
-    """An augmented scan that differs from its input, or that is at fault without geometry.
+    """An augmented reading that differs from its input, or is at fault."""
 
-    `points_m` (M, K, 3) are where the M changed beams may end, in the sensor's frame: one place for
-    a beam of a laser, places `spacing_m` apart on its cap for a cone. A beam that came out as -inf
-    ends where `range_min` does, and `too_close` (M,) is set. `unreturned` (M,) are the beams of a
-    laser that had no return before.
-    """
-
-    points_m: NDArray[np.float64]
-    too_close: NDArray[np.bool_]
-    unreturned: NDArray[np.bool_]
-    spacing_m: float
-    fault: str
+    changes: Changes
 
 
 _Kind = TypeVar("_Kind")
@@ -125,12 +113,16 @@ class Pairs:
 
 
 class ScanPairs(Pairs):
-    """The augmented scans, ranges, clouds and images of depths beside their inputs."""
+    """The augmented scans, ranges, clouds and images of depths beside their inputs.
+
+    `counts` are the pairs of each class, `pixels` those of the images of depths.
+    """
 
     def __init__(self) -> None:
         super().__init__()
         self.changed: list[ChangedScan] = []
-        self.clouds = self.depths = self.pixels = 0
+        self.counts: Counter[type] = Counter()
+        self.pixels = 0
         self.kept_depths = Kept[DepthPair](_MOST_IMAGES)
         self.infos: dict[str, Any] = {}
         """The last CameraInfo by topic; `add_info` takes it."""
@@ -150,18 +142,20 @@ class ScanPairs(Pairs):
         self._rays.append((info, rectified, rays))
         return rays
 
-    def add(self, topic: str, scan: Scan | SensorCloud | DepthFrame) -> None:
-        """Take a scan, a range, a cloud or an image of depths of any topic."""
+    def add(self, topic: str, sample: Sample | DepthFrame) -> None:
+        """Take a reading of any topic."""
         if not topic.startswith(PREFIX):
-            self._input_stamps.setdefault(topic, []).append(scan.stamp_ns)
-        most = _MOST_WAITING if isinstance(scan, Scan) else _MOST_CLOUDS
-        for source, real, name, output in self.matched(topic, scan, most):
-            if isinstance(real, Scan):
-                self._compare_scans(real, name, output)
-            elif isinstance(real, SensorCloud):
-                self._compare_clouds(real, name, output)
+            self._input_stamps.setdefault(topic, []).append(sample.stamp_ns)
+        most = _MOST_WAITING if type(sample) in BEAMS.values() else _MOST_LARGE
+        for source, real, name, output in self.matched(topic, sample, most):
+            self.counts[type(real)] += 1
+            if isinstance(real, DepthFrame):
+                changes = self._depth_changes(source, real, name, output)
             else:
-                self._compare_depths(source, real, name, output)
+                changes = real.changes(output)
+            if changes.fault or len(changes.points_m):
+                when = output.stamp_ns, output.at_ns, output.frame_id
+                self.changed.append(ChangedScan(name, *when, changes))
 
     def may_be_lost(self, output: str, stamp_ns: int) -> bool:
         """Tell whether the input of an augmented scan may be missing in the recording.
@@ -178,10 +172,9 @@ class ScanPairs(Pairs):
         usual_ns = float(np.median(np.diff(stamps)))
         return stamps[place] - stamps[place - 1] > _GAP * usual_ns
 
-    def _compare_depths(
+    def _depth_changes(
         self, source: str, real: DepthFrame, topic: str, output: DepthFrame
-    ) -> None:
-        self.depths += 1
+    ) -> Changes:
         self.pixels += real.numbers.size
         fault, which, unreturned = changed_pixels(real, output)
         info = self.infos.get(info_topic(source))
@@ -192,64 +185,16 @@ class ScanPairs(Pairs):
                 fault = fault or "has a CameraInfo beside it that is not its input's"
         elif len(which):
             fault = "was changed, and no CameraInfo had come beside its input"
-        if not fault and not len(which):
-            return
-        points_m, too_close = np.empty((0, 1, 3)), np.empty(0, np.bool_)
-        if not fault:
-            some = np.linspace(0, len(which) - 1, min(len(which), _MOST_ENDS)).astype(int)
-            which, unreturned = which[some], unreturned[some]
-            depths_m = output.depths_m.ravel()[which]
-            too_close = ~np.isfinite(depths_m)
-            depths_m[too_close] = _TOO_NEAR_M
-            depths_m = depths_m - output.half_steps_m(depths_m)
-            rays = self.rays(info, rectified=is_rectified).reshape(-1, 3)[which]
-            points_m = (rays * depths_m[:, None])[:, None]
-        when = output.stamp_ns, output.at_ns, output.frame_id
-        self.changed.append(ChangedScan(topic, *when, points_m, too_close, unreturned, 0.0, fault))
-
-    def _compare_clouds(self, real: SensorCloud, topic: str, output: SensorCloud) -> None:
-        self.clouds += 1
-        fault, which, unreturned = changed_points(real, output)
-        if not fault and not len(which):
-            return
-        ends_m, too_close = output.points_m[which][:, None], np.zeros(len(which), np.bool_)
-        when = output.stamp_ns, output.at_ns, output.frame_id
-        self.changed.append(ChangedScan(topic, *when, ends_m, too_close, unreturned, 0.0, fault))
-
-    def _compare_scans(self, real: Scan, topic: str, output: Scan) -> None:
-        fault = _shape_fault(real, output)
-        which = np.empty(0, np.int64) if fault else _differing(real.ranges, output.ranges)
-        fault = fault or _values_fault(real, output, which)
-        if not fault and not which.size:
-            return
-        ranges = output.ranges[which].astype(np.float64)
-        too_close = np.isneginf(ranges)
-        ranges[~np.isfinite(ranges)] = output.numbers["range_min"]
-        cone_rad = output.numbers.get("field_of_view")
-        if cone_rad is None:
-            angles = output.numbers["angle_min"] + which * output.numbers["angle_increment"]
-            ways = np.column_stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))))
-            points = (ranges[:, None] * ways)[:, None]
-            unreturned, spacing_m = ~_are_returns(real, real.ranges[which]), 0.0
-        else:
-            points = ranges[:, None, None] * _cone(cone_rad)
-            unreturned = np.zeros(len(which), np.bool_)
-            spacing_m = _CONE_STEP_RAD * float(ranges.max(initial=0.0))
-        when = output.stamp_ns, output.at_ns, output.frame_id
-        changed = ChangedScan(topic, *when, points, too_close, unreturned, spacing_m, fault)
-        self.changed.append(changed)
-
-
-def _cone(angle_rad: float) -> NDArray[np.float64]:
-    """Return unit vectors (K, 3) all over a cone about the x-axis; the angle is the full one."""
-    off_rad = np.linspace(0.0, 0.5 * angle_rad, math.ceil(0.5 * angle_rad / _CONE_STEP_RAD) + 1)
-    rings = []
-    for angle in off_rad.tolist():
-        count = math.ceil(math.tau * math.sin(angle) / _CONE_STEP_RAD) or 1
-        about = np.linspace(0.0, math.tau, count, endpoint=False)
-        y, z = math.sin(angle) * np.cos(about), math.sin(angle) * np.sin(about)
-        rings.append(np.column_stack((np.full(count, math.cos(angle)), y, z)))
-    return np.concatenate(rings)
+        if fault or not len(which):
+            return Changes(fault)
+        some = np.linspace(0, len(which) - 1, min(len(which), _MOST_ENDS)).astype(int)
+        which, unreturned = which[some], unreturned[some]
+        depths_m = output.depths_m.ravel()[which]
+        too_close = ~np.isfinite(depths_m)
+        depths_m[too_close] = _TOO_NEAR_M
+        depths_m = depths_m - output.half_steps_m(depths_m)
+        rays = self.rays(info, rectified=is_rectified).reshape(-1, 3)[which]
+        return Changes("", (rays * depths_m[:, None])[:, None], too_close, unreturned)
 
 
 def _are_alike(one: Any, other: Any) -> bool:
@@ -264,43 +209,3 @@ def _are_alike(one: Any, other: Any) -> bool:
 def _is_of(output: str, source: str) -> bool:
     """Tell whether an output's name is that of an input under the prefix."""
     return output.removeprefix(PREFIX) == source.lstrip("/")
-
-
-def _shape_fault(real: Scan, output: Scan) -> str:
-    for name, theirs in real.numbers.items():
-        ours = output.numbers[name]
-        if ours != theirs and not (np.isnan(ours) and np.isnan(theirs)):
-            return f"has {name} {ours}, its input {theirs}"
-    lengths = len(output.ranges), len(output.intensities)
-    wanted = len(real.ranges), len(real.intensities)
-    return "" if lengths == wanted else f"has {lengths} ranges and intensities, its input {wanted}"
-
-
-def _differing(real: NDArray[np.float32], output: NDArray[np.float32]) -> NDArray[np.int64]:
-    """Return the beams whose bits differ."""
-    return np.flatnonzero(real.view(np.uint32) != output.view(np.uint32))
-
-
-def _values_fault(real: Scan, output: Scan, which: NDArray[np.int64]) -> str:
-    """Check what needs no geometry: only shorter, valid or too close; the rest bit for bit."""
-    before, after = real.ranges[which], output.ranges[which]
-    returned = _are_returns(real, before)
-    valid = np.isneginf(after) | _are_returns(real, after)
-    wrong = ~valid | (returned & ~(after < before)) | np.isneginf(before)
-    if wrong.any():
-        first = int(np.argmax(wrong))
-        return f"has {after[first]} m in beam {which[first]}, where its input has {before[first]} m"
-    if len(real.intensities):
-        kept = np.ones(len(real.ranges), np.bool_)
-        kept[which] = False
-        dimmed = _differing(real.intensities, output.intensities)
-        if len(real.intensities) == len(real.ranges) and kept[dimmed].any():
-            return f"changed the intensity of beam {dimmed[kept[dimmed]][0]}, but not its range"
-    return ""
-
-
-def _are_returns(scan: Scan, ranges: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Tell which ranges are returns that the laser measures."""
-    low, high = (np.float32(scan.numbers[name]) for name in ("range_min", "range_max"))
-    returned: NDArray[np.bool_] = (ranges >= low) & (ranges <= high)
-    return returned

@@ -19,7 +19,9 @@ from are_ros.checks.oracle.plane import distances_m
 from are_ros.checks.oracle.solids import Cloud, Walls
 from are_ros.checks.record import Record
 from are_ros.checks.result import CheckResult, Tally, at_s, skipped
-from are_ros.checks.sensors.depth_images import box_triangles, compared
+from are_ros.checks.sensors.beams import BEAMS, Changes, LaserSample, Sample
+from are_ros.checks.sensors.cloud_pairs import SensorCloud
+from are_ros.checks.sensors.depth_images import DepthFrame, box_triangles, compared
 from are_ros.checks.sensors.scan_pairs import ChangedScan, Released
 from are_ros.checks.ticks import departures_ns
 from are_ros.conventions import NS_PER_S, seconds_to_ns
@@ -242,7 +244,7 @@ def check_scans(record: Record) -> list[CheckResult]:
         names = (beams.name, ends.name, walls.name)
         return [skipped(name, reason, needs_inputs=lacks_inputs) for name in names]
     beams.look(record.scans.pairs)
-    _note_clouds(beams, record)
+    _note_kinds(beams, record)
     for topic, stamp_ns in record.scans.unmatched():
         if record.is_live and record.scans.may_be_lost(topic, stamp_ns):
             beams.leave_out("scan", "without the one that came in, which the recording missed")
@@ -251,8 +253,8 @@ def check_scans(record: Record) -> list[CheckResult]:
         beams.fail(f"{topic} {at_s(stamp_ns)} has no scan of this stamp that came in")
     places, surface = BoxPositions(record), KnownWalls(record)
     for scan in record.scans.changed:
-        if scan.fault:
-            beams.fail(f"{scan.topic} {at_s(scan.stamp_ns)} {scan.fault}")
+        if scan.changes.fault:
+            beams.fail(f"{scan.topic} {at_s(scan.stamp_ns)} {scan.changes.fault}")
         else:
             _check_ends(ends, record, places, scan)
             known = None if surface.doubt else surface.at(scan.released_ns)
@@ -267,12 +269,15 @@ def check_scans(record: Record) -> list[CheckResult]:
     return [beams.result(), ends.result(), walls.result()]
 
 
-def _note_clouds(tally: Tally, record: Record) -> None:
-    """Say how many of the readings were clouds, if any."""
-    if record.scans.clouds:
-        tally.note(f"{counted(record.scans.clouds, 'point cloud')} among them")
-    if record.scans.depths:
-        images = counted(record.scans.depths, "depth image")
+def _note_kinds(tally: Tally, record: Record) -> None:
+    """Say how many of the readings were no laser scans, of each kind."""
+    counts = record.scans.counts
+    kinds: tuple[type[Sample], ...] = (*BEAMS.values(), SensorCloud)
+    for kind in kinds:
+        if counts[kind] and kind is not LaserSample:
+            tally.note(f"{counted(counts[kind], kind.noun)} among them")
+    if counts[DepthFrame]:
+        images = counted(counts[DepthFrame], "depth image")
         tally.note(f"{images} of {counted(record.scans.pixels, 'pixel')} among them")
 
 
@@ -286,10 +291,11 @@ def _check_ends(tally: Tally, record: Record, places: BoxPositions, scan: Change
         return
     tally.look()
     pose, slack_m = found
-    points = scan.points_m @ pose.rotation.T + pose.translation_m
+    slack_m += scan.changes.spacing_m
+    points = scan.changes.points_m @ pose.rotation.T + pose.translation_m
     explained = np.zeros(len(points), np.bool_)
     for box in boxes:
-        explained |= _is_met(scan, pose, points, box, slack_m + scan.spacing_m + box.slack_m)
+        explained |= _is_met(scan.changes, pose, points, box, slack_m + box.slack_m)
     if not explained.all():
         first = int(np.argmin(explained))
         text = f"ends at {_place(points[first, 0])}, where no artefact is"
@@ -389,13 +395,14 @@ def seen_ns(record: Record, scan: Released) -> int:
 
 def _check_walls(tally: Tally, walls: Walls, record: Record, scan: ChangedScan) -> None:
     """No beam that had no return ends behind what was occupied."""
-    which = np.flatnonzero(scan.unreturned & ~scan.too_close)
+    changes = scan.changes
+    which = np.flatnonzero(changes.unreturned & ~changes.too_close)
     frames, stamp_ns = record.frames, scan.stamp_ns
     pose = frames.lookup(record.settings.frames.map, scan.frame_id, stamp_ns, scan.released_ns)
     if pose is None or not len(which):
         return
     tally.look(len(which))
-    ends = scan.points_m[which, 0] @ pose.rotation.T + pose.translation_m
+    ends = changes.points_m[which, 0] @ pose.rotation.T + pose.translation_m
     crossed = walls.crossed(pose.translation_m, ends)
     for i in np.flatnonzero(np.isfinite(crossed[:, 0])).tolist():
         where = f"ends at {_place(ends[i])}, behind what is occupied at {_place(crossed[i])}"
@@ -453,16 +460,16 @@ def _place(point: Floats) -> str:
 
 
 def _is_met(
-    scan: ChangedScan, pose: Pose, points: Floats, box: Box, reach_m: float
+    changes: Changes, pose: Pose, points: Floats, box: Box, reach_m: float
 ) -> NDArray[np.bool_]:
     """Tell which beams (M,) the box explains: they end at it; if too close, pass it before."""
     near = np.zeros(len(points), np.bool_)
-    shares = np.linspace(0.0, 1.0, 9) if scan.too_close.any() else np.ones(1)
+    shares = np.linspace(0.0, 1.0, 9) if changes.too_close.any() else np.ones(1)
     for share in shares.tolist():
         along = (pose.translation_m + share * (points - pose.translation_m)).reshape(-1, 3)
         apart_m = distances_m(along, box.centre_m, box.yaw_rad, box.half_m)
         is_near = (apart_m <= reach_m).reshape(points.shape[:2]).any(axis=1)
-        near |= is_near if share == 1.0 else is_near & scan.too_close
+        near |= is_near if share == 1.0 else is_near & changes.too_close
     return near
 
 

@@ -1,0 +1,221 @@
+"""Readings along beams, a laser's or a sonar's: what changed in them, and whether it may.
+
+A kind of sensor with a message type of its own is a class here, named in `BEAMS`.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, ClassVar, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from are_ros.bag.decoded import time_ns
+
+_CONE_STEP_RAD: Final = 0.02
+
+
+def _no_flags() -> NDArray[np.bool_]:
+    return np.empty(0, np.bool_)
+
+
+@dataclass(frozen=True, eq=False)
+class Changes:
+    """How an augmented reading differs from its input.
+
+    `fault` is what is wrong with it whatever the geometry is, else empty. `points_m` (M, K, 3) are
+    where the M changed beams may end, in the sensor's frame: one place for a beam of a laser,
+    places `spacing_m` apart on its cap for a cone. A beam that came out as too close ends at the
+    least range, and `too_close` (M,) is set. `unreturned` (M,) are the beams of a laser that had no
+    return before.
+    """
+
+    fault: str = ""
+    points_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 1, 3)))
+    too_close: NDArray[np.bool_] = field(default_factory=_no_flags)
+    unreturned: NDArray[np.bool_] = field(default_factory=_no_flags)
+    spacing_m: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Sample(ABC):
+    """A reading of a sensor as the checks decode it: its stamp, when it counts, and its frame.
+
+    `noun` is what sentences call it.
+    """
+
+    noun: ClassVar[str]
+
+    stamp_ns: int
+    at_ns: int
+    frame_id: str
+
+    @classmethod
+    @abstractmethod
+    def of_message(cls, message: Any, at_ns: int) -> "Sample":
+        """Return the sample of a message; ValueError where it is malformed."""
+
+    @abstractmethod
+    def changes(self, output: Any) -> Changes:
+        """Return how an output of the same class differs from this input."""
+
+
+@dataclass(frozen=True, eq=False)
+class LaserSample(Sample):
+    """A sensor_msgs/LaserScan; `ranges` and `intensities` float32, `numbers` the other fields."""
+
+    noun: ClassVar[str] = "scan"
+
+    numbers: Mapping[str, float]
+    ranges: NDArray[np.float32]
+    intensities: NDArray[np.float32]
+
+    @classmethod
+    def of_message(cls, message: Any, at_ns: int) -> "LaserSample":
+        """Return the scan of a message."""
+        names = (
+            *("angle_min", "angle_max", "angle_increment"),
+            *("time_increment", "scan_time", "range_min", "range_max"),
+        )
+        head, numbers = _head(message, at_ns), _numbers(message, names)
+        return cls(*head, numbers, message.ranges, message.intensities)
+
+    def changes(self, output: "LaserSample") -> Changes:
+        """Return which beams changed, and whether they may: only nearer, the rest bit for bit."""
+        fault = _differing_number(self.numbers, output.numbers) or self._length_fault(output)
+        if fault:
+            return Changes(fault)
+        which, limits_m = _differing(self.ranges, output.ranges), self._limits_m
+        fault = _range_fault(self.ranges, output.ranges, which, limits_m)
+        if fault := fault or self._intensity_fault(output, which):
+            return Changes(fault)
+        ends_m, too_close = _ends(output.ranges[which], limits_m)
+        angles = self.numbers["angle_min"] + which * self.numbers["angle_increment"]
+        ways = np.column_stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))))
+        unreturned = ~_are_returns(self.ranges[which], limits_m)
+        return Changes("", (ends_m[:, None] * ways)[:, None], too_close, unreturned)
+
+    @property
+    def _limits_m(self) -> tuple[float, float]:
+        return self.numbers["range_min"], self.numbers["range_max"]
+
+    def _length_fault(self, output: "LaserSample") -> str:
+        ours, theirs = ((len(s.ranges), len(s.intensities)) for s in (output, self))
+        return "" if ours == theirs else f"has {ours} ranges and intensities, its input {theirs}"
+
+    def _intensity_fault(self, output: "LaserSample", which: NDArray[np.int64]) -> str:
+        if len(self.intensities) != len(self.ranges):
+            return ""
+        kept = np.ones(len(self.ranges), np.bool_)
+        kept[which] = False
+        dimmed = _differing(self.intensities, output.intensities)
+        wrong = dimmed[kept[dimmed]]
+        return f"changed the intensity of beam {wrong[0]}, but not its range" if len(wrong) else ""
+
+
+@dataclass(frozen=True, eq=False)
+class RangeSample(Sample):
+    """A sensor_msgs/Range: `ranges` float32 (1,), `numbers` the other fields."""
+
+    noun: ClassVar[str] = "range"
+
+    numbers: Mapping[str, float]
+    ranges: NDArray[np.float32]
+
+    @classmethod
+    def of_message(cls, message: Any, at_ns: int) -> "RangeSample":
+        """Return the reading of a message."""
+        names = ("radiation_type", "field_of_view", "min_range", "max_range")
+        variance = float(getattr(message, "variance", 0.0))  # ROS 1 and Humble have none
+        numbers = {**_numbers(message, names), "variance": variance}
+        return cls(*_head(message, at_ns), numbers, np.array([message.range], np.float32))
+
+    def changes(self, output: "RangeSample") -> Changes:
+        """Return whether it changed, and may: only nearer, to anything in its cone."""
+        limits_m = self.numbers["min_range"], self.numbers["max_range"]
+        which = _differing(self.ranges, output.ranges)
+        fault = _differing_number(self.numbers, output.numbers)
+        if fault := fault or _range_fault(self.ranges, output.ranges, which, limits_m):
+            return Changes(fault)
+        ends_m, too_close = _ends(output.ranges[which], limits_m)
+        points_m = ends_m[:, None, None] * _cone(self.numbers["field_of_view"])
+        spacing_m = _CONE_STEP_RAD * float(ends_m.max(initial=0.0))
+        return Changes("", points_m, too_close, np.zeros(len(which), np.bool_), spacing_m)
+
+
+BEAMS: Final[Mapping[str, type[Sample]]] = MappingProxyType(
+    {"sensor_msgs/msg/LaserScan": LaserSample, "sensor_msgs/msg/Range": RangeSample}
+)
+"""The samples by the type of their messages, of which nothing else is sent."""
+
+
+def _head(message: Any, at_ns: int) -> tuple[int, int, str]:
+    header = message.header
+    return time_ns(header.stamp), at_ns, str(header.frame_id).lstrip("/")
+
+
+def _numbers(message: Any, names: tuple[str, ...]) -> Mapping[str, float]:
+    return {name: float(getattr(message, name)) for name in names}
+
+
+def _differing_number(real: Mapping[str, float], output: Mapping[str, float]) -> str:
+    """Return a fault if a number is another one, else ""."""
+    for name, theirs in real.items():
+        ours = output[name]
+        if ours != theirs and not (np.isnan(ours) and np.isnan(theirs)):
+            return f"has {name} {ours}, its input {theirs}"
+    return ""
+
+
+def _differing(real: NDArray[np.float32], output: NDArray[np.float32]) -> NDArray[np.int64]:
+    """Return where the bits differ."""
+    return np.flatnonzero(real.view(np.uint32) != output.view(np.uint32))
+
+
+def _range_fault(
+    real: NDArray[np.float32],
+    output: NDArray[np.float32],
+    which: NDArray[np.int64],
+    limits_m: tuple[float, float],
+) -> str:
+    """Return a fault unless the changed ranges are shorter, and valid or too close; else ""."""
+    before, after = real[which], output[which]
+    returned = _are_returns(before, limits_m)
+    valid = np.isneginf(after) | _are_returns(after, limits_m)
+    wrong = ~valid | (returned & ~(after < before)) | np.isneginf(before)
+    if not wrong.any():
+        return ""
+    first = int(np.argmax(wrong))
+    return f"has {after[first]} m in beam {which[first]}, where its input has {before[first]} m"
+
+
+def _are_returns(ranges: NDArray[np.float32], limits_m: tuple[float, float]) -> NDArray[np.bool_]:
+    """Tell which ranges are returns that the sensor measures."""
+    low, high = np.float32(limits_m[0]), np.float32(limits_m[1])
+    returned: NDArray[np.bool_] = (ranges >= low) & (ranges <= high)
+    return returned
+
+
+def _ends(
+    ranges: NDArray[np.float32], limits_m: tuple[float, float]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return how far changed beams go [m], to the least range if too close, and which are that."""
+    ends_m = ranges.astype(np.float64)
+    too_close = np.isneginf(ends_m)
+    ends_m[~np.isfinite(ends_m)] = limits_m[0]
+    return ends_m, too_close
+
+
+def _cone(angle_rad: float) -> NDArray[np.float64]:
+    """Return unit vectors (K, 3) all over a cone about the x-axis; the angle is the full one."""
+    off_rad = np.linspace(0.0, 0.5 * angle_rad, math.ceil(0.5 * angle_rad / _CONE_STEP_RAD) + 1)
+    rings = []
+    for angle in off_rad.tolist():
+        count = math.ceil(math.tau * math.sin(angle) / _CONE_STEP_RAD) or 1
+        about = np.linspace(0.0, math.tau, count, endpoint=False)
+        y, z = math.sin(angle) * np.cos(about), math.sin(angle) * np.sin(about)
+        rings.append(np.column_stack((np.full(count, math.cos(angle)), y, z)))
+    return np.concatenate(rings)
