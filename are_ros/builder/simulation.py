@@ -3,7 +3,7 @@
 Each input is received through a method of `Simulation`, which first runs what is due before it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -15,7 +15,7 @@ from are_ros.builder.population_manager import PopulationManager
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.sensors.augmentation import SensorAugmentation
 from are_ros.builder.sensors.lens import Lens
-from are_ros.builder.sensors.sensor_path import Reading, ReleasedReading, SensorPathCounts
+from are_ros.builder.sensors.sensor_path import Reading, ReleasedReading
 from are_ros.builder.spawning.out_of_view import Viewpoint
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError
@@ -66,7 +66,7 @@ class Simulation:
         self.camera = assembly.default_camera(parameters)
         self._meshes = MeshBank()
         self.lives.viewpoints = self._viewpoints
-        self._sensors = SensorAugmentation(parameters, self.frames, self.lives, self._meshes)
+        self.sensors = SensorAugmentation(parameters, self.frames, self.lives, self._meshes)
         self.judges_until_ns = _AFTER_ALL_NS
         """Deadlines of readings after this are not processed yet; a node sets it."""
         self._now_ns = _BEFORE_ALL_NS
@@ -129,7 +129,7 @@ class Simulation:
             self.frames.set_static(parent, child, translation_m, rotation_xyzw)
         else:
             self.frames.set_transform(parent, child, stamp_ns, translation_m, rotation_xyzw)
-        self._sensors.transforms_came(received_ns)
+        self.sensors.transforms_came(received_ns)
 
     def receive_odometry(
         self,
@@ -149,7 +149,7 @@ class Simulation:
         self.frames.set_transform(
             parent, child, stamp_ns, translation_m, rotation_xyzw, source=source
         )
-        self._sensors.transforms_came(received_ns)
+        self.sensors.transforms_came(received_ns)
 
     def receive_camera(self, camera: Camera, received_ns: int, number: int = 0) -> None:
         """Take the view model of a camera of the robot, from its CameraInfo.
@@ -164,17 +164,17 @@ class Simulation:
     def receive_reading(self, topic: str, reading: Reading, received_ns: int) -> None:
         """Take a reading of a sensor; `take_readings` returns it, augmented."""
         self._received(received_ns)
-        self._sensors.push(topic, reading, received_ns)
+        self.sensors.push(topic, reading, received_ns)
         self._idle_until_ns = received_ns
 
     def await_lens(self, topic: str, lens_topic: str, *, is_depth: bool = False) -> None:
         """Let the images of a topic wait for the CameraInfo that comes on another one."""
-        self._sensors.await_lens(topic, lens_topic, is_depth=is_depth)
+        self.sensors.await_lens(topic, lens_topic, is_depth=is_depth)
 
     def receive_lens(self, topic: str, lens: Lens, received_ns: int) -> None:
         """Take the lens of the images of a topic, from the CameraInfo beside them."""
         self._received(received_ns)
-        self._sensors.receive_lens(topic, lens, received_ns)
+        self.sensors.receive_lens(topic, lens, received_ns)
 
     def receive_plan(
         self, points_m: npt.NDArray[np.floating], frame_id: str, received_ns: int
@@ -191,7 +191,7 @@ class Simulation:
 
     def take_readings(self) -> list[ReleasedReading]:
         """Return the readings released since the last call."""
-        return self._sensors.take()
+        return self.sensors.take()
 
     def await_camera(self) -> None:
         """Perceive nothing before the first CameraInfo, unless the parameters give the camera."""
@@ -206,18 +206,6 @@ class Simulation:
             f"{camera.mount[2]:g} m up, stands in for it (parameters camera.*)"
         )
 
-    def sensor_counts(self) -> Mapping[str, SensorPathCounts]:
-        """Return, by topic, how many readings were released in which way."""
-        return self._sensors.counts()
-
-    def sensor_problems(self) -> Mapping[str, str]:
-        """Return, by topic, why the last reading passed through unaugmented."""
-        return self._sensors.problems()
-
-    def sensor_lateness_ns(self) -> Mapping[str, int]:
-        """Return, by topic, how late the transforms were for which readings did not wait [ns]."""
-        return self._sensors.late_ns()
-
     # ------------------------------------------------------------------------------ time
 
     def advance(self, now_ns: int) -> None:
@@ -228,22 +216,22 @@ class Simulation:
         if now_ns > self._now_ns + _LEAP_NS and self._now_ns != _BEFORE_ALL_NS:
             self._leap(now_ns)
         self._now_ns = max(self._now_ns, now_ns)
-        while (deadline_ns := self._sensors.next_deadline_ns()) is not None:
+        while (deadline_ns := self.sensors.next_deadline_ns()) is not None:
             if deadline_ns > min(now_ns, self.judges_until_ns):
                 break
             self.lives.advance(deadline_ns)
-            self._sensors.deadline_passed(deadline_ns)
+            self.sensors.deadline_passed(deadline_ns)
         self.lives.advance(now_ns)
         self._idle_until_ns = self._next_due_ns()
 
     def finish(self, now_ns: int) -> None:
         """Release the readings that still wait: the inputs have ended."""
         self.advance(now_ns)
-        self._sensors.flush(now_ns)
+        self.sensors.flush(now_ns)
 
     def next_deadline_ns(self) -> int | None:
         """Return when the next reading that waits must leave, None if none waits."""
-        return self._sensors.next_deadline_ns()
+        return self.sensors.next_deadline_ns()
 
     def _next_due_ns(self) -> int:
         """Return the time before which nothing is due unless an input comes."""
@@ -276,7 +264,7 @@ class Simulation:
         self.frames.forget_after(now_ns)
         self.robots.forget()
         self.lives.restart(now_ns, cause)
-        self._sensors.clear()
+        self.sensors.clear()
 
     def reseed(self, seed: int, now_ns: int) -> None:
         """Draw from another seed from now on; artefacts alive stay."""

@@ -536,8 +536,8 @@ class Reporter:
 
     def _sensors(self, live: LiveBuilder, now_ns: int) -> Iterator[SensorSnapshot]:
         builder = live.builder
-        problems, late_ns = builder.sensor_problems(), builder.sensor_lateness_ns()
-        for topic, counts in builder.sensor_counts().items():
+        problems, late_ns = builder.sensors.problems(), builder.sensors.late_ns()
+        for topic, counts in builder.sensors.counts().items():
             watch = self._passed.setdefault(topic, CountWatch(_LATELY_NS))
             watch.update(now_ns, counts.passed_through)
             yield SensorSnapshot(
