@@ -185,7 +185,10 @@ class Simulation:
         Raises FrameError if the frame's pose is not known.
         """
         self._received(received_ns)
-        plan_m = self._in_map(points_m, frame_id) if len(points_m) else np.empty((0, 3))
+        plan_m = np.empty((0, 3))
+        if len(points_m):
+            map_from_plan = self.frames.lookup_latest(self.parameters.frames.map, frame_id)
+            plan_m = map_from_plan.apply(np.asarray(points_m, dtype=np.float64))
         self.lives.plan_m = plan_m[:, :2]
         self.lives.goal = self._goal_of(plan_m) if len(plan_m) else None
 
@@ -287,13 +290,6 @@ class Simulation:
         """Process what is due before an input."""
         self.advance(received_ns)
         self.lives.touch(received_ns)
-
-    def _in_map(self, points_m: npt.NDArray[np.floating], frame_id: str) -> npt.NDArray[np.float64]:
-        """Return points (N, 3) of a frame, at its newest pose, in the map frame."""
-        map_frame = self.parameters.frames.map
-        stamp_ns = self.frames.latest_common_time(map_frame, frame_id)
-        map_from_plan = self.frames.lookup(map_frame, frame_id, stamp_ns)
-        return map_from_plan.apply(np.asarray(points_m, dtype=np.float64))
 
     def _goal_of(self, plan_m: npt.NDArray[np.float64]) -> Footprint:
         """Return the robot's disc at the end of its path (N, 3), in the map frame."""
