@@ -11,7 +11,7 @@ from are_ros.builder.costmap.inflation import InflatedCostmap
 from are_ros.builder.files.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
 from are_ros.conventions import seconds_to_ns
 from are_ros.errors import ParameterError
-from are_ros.parameters.choices import CameraModel, OnRobotContact
+from are_ros.parameters.choices import CameraModel, OdometryUse, OnRobotContact
 from are_ros.parameters.model import CameraParameters, Parameters, RobotParameters
 from are_ros.population.catalogue import Catalogue
 from are_ros.world.cameras import (
@@ -41,6 +41,15 @@ def robot_tracker(parameters: Parameters, frames: FrameTree) -> RobotTracker:
     observer = Observer(OBSERVER, parameters.frames.base, robot_footprint(parameters.robot))
     max_age_ns = seconds_to_ns(parameters.frames.max_age)
     return RobotTracker(observer, frames, parameters.frames.map, max_age_ns)
+
+
+def odometry_source(parameters: Parameters) -> TransformSource | None:
+    """Return as what the poses of odometry count, None where they do not."""
+    sources = {
+        OdometryUse.AUTO: TransformSource.ODOMETRY,
+        OdometryUse.USE: TransformSource.PREFERRED_ODOMETRY,
+    }
+    return sources.get(parameters.frames.odometry)
 
 
 def robot_footprint(robot: RobotParameters) -> Footprint:

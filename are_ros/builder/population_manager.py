@@ -21,7 +21,7 @@ from are_ros.agents.local_planner.state import STAYS
 from are_ros.agents.navigation.terrain import Terrains
 from are_ros.agents.robots import RobotPose, RobotTracker
 from are_ros.agents.scenario_recorder import ScenarioRecorder
-from are_ros.agents.simulate import CrowdSimulator, MotionCounts
+from are_ros.agents.simulate import CrowdSimulator
 from are_ros.agents.table import AgentTable
 from are_ros.builder.files.scenario_file import read_scenario
 from are_ros.builder.real_world import RealWorld
@@ -140,16 +140,6 @@ class PopulationManager:
         """The area nu(M2D) [m^2] on which artefacts arrive, 0 before it is known."""
         return self._spawning.area_m2
 
-    @property
-    def robot_contacts(self) -> int:
-        """Number of contacts of the robot with artefacts so far."""
-        return self.crowd.contacts.count
-
-    @property
-    def displaced(self) -> int:
-        """Number of displacements so far: an artefact had no safe pose, and was moved or left."""
-        return self.crowd.counts.displaced
-
     def record_scenario(self) -> ScenarioRecorder:
         """Record the run as a scenario; call it before the first `advance`."""
         self.crowd.recorder = ScenarioRecorder(self._steps.period_ns)
@@ -158,11 +148,6 @@ class PopulationManager:
     def report_faults_to(self, report: Callable[[BehaviourError], None]) -> None:
         """Stop an artefact whose behaviour fails and report the error, instead of raising it."""
         self.crowd.decisions.report_fault = report
-
-    @property
-    def motion_counts(self) -> MotionCounts:
-        """Numbers of sub-steps of artefacts: all, with motion, and with a collision."""
-        return self.crowd.counts
 
     @property
     def environment(self) -> Environment | None:

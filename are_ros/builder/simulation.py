@@ -19,15 +19,14 @@ from are_ros.builder.sensors.sensor_path import Reading, ReleasedReading
 from are_ros.builder.spawning.out_of_view import Viewpoint
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError
-from are_ros.parameters.choices import CameraModel, OdometryUse
+from are_ros.parameters.choices import CameraModel
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue
 from are_ros.population.departures import Cause
 from are_ros.world.cameras import Camera
 from are_ros.world.footprint import Footprint
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.rigid_transform import Values
-from are_ros.world.transforms.table import TransformSource
+from are_ros.world.rigid_transform import RigidTransform, Values
 from are_ros.world.transforms.tree import FrameTree
 
 _BEFORE_ALL_NS: Final = -(2**63)
@@ -38,10 +37,6 @@ fractions of a second, while a recording that loops goes back further."""
 _LEAP_NS: Final = 7200 * NS_PER_S
 """If the clock leaps ahead by more than this, the simulation restarts: to compute a day takes
 seconds, years take hours."""
-_ODOMETRY_SOURCES: Final = {
-    OdometryUse.AUTO: TransformSource.ODOMETRY,
-    OdometryUse.USE: TransformSource.PREFERRED_ODOMETRY,
-}
 
 
 class Simulation:
@@ -142,7 +137,7 @@ class Simulation:
     ) -> None:
         """Take a pose from odometry; an empty child frame means the robot's base."""
         self._received(received_ns)
-        source = _ODOMETRY_SOURCES.get(self.parameters.frames.odometry)
+        source = assembly.odometry_source(self.parameters)
         if source is None:
             return
         child = child or self.robots.base_frame()
@@ -298,10 +293,10 @@ class Simulation:
 
     def _viewpoints(self, now_ns: int) -> Sequence[Viewpoint]:
         """Return the cameras at their poses, without those whose pose is not known."""
-        known = [camera for camera in self.cameras if camera is not None]
-        poses = [self.robots.map_from_camera(camera, now_ns) for camera in known]
-        return tuple(
-            Viewpoint(camera.view, map_from_camera)
-            for camera, map_from_camera in zip(known, poses, strict=True)
-            if map_from_camera is not None
-        )
+        return tuple(Viewpoint(camera.view, pose) for _, camera, pose in self.cameras_at(now_ns))
+
+    def cameras_at(self, now_ns: int) -> list[tuple[int, Camera, RigidTransform]]:
+        """Return number, camera and map_from_camera of each camera whose pose is known."""
+        known = [(k, camera) for k, camera in enumerate(self.cameras) if camera is not None]
+        poses = [self.robots.map_from_camera(camera, now_ns) for _, camera in known]
+        return [(*one, pose) for one, pose in zip(known, poses, strict=True) if pose is not None]
