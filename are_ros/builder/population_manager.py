@@ -288,7 +288,11 @@ class PopulationManager:
         Raises PlacementError, and changes nothing, if it cannot stand there.
         """
         self.advance(now_ns)
-        reason = self._why_not_placed(row, pose, self._robots.pose(now_ns) or self._robot)
+        environment, others = self._world.environment, self.crowd.table.taken
+        box, robot = boxes_of([row], [pose]), self._robots.pose(now_ns) or self._robot
+        reason = "there is no map yet"
+        if environment is not None:
+            reason = self._spawning.why_not(box, environment, others, robot)
         if reason:
             raise PlacementError(f"{row.label} at {pose.x_m:.2f}, {pose.y_m:.2f}: {reason}")
         event = self.population.admit(
@@ -324,13 +328,6 @@ class PopulationManager:
         boxes, is_clear = crowd.table.taken, crowd.planner.is_clear
         pose = spawning.place(row, generator, boxes, self._robot, near, is_clear)
         return pose or spawning.cause
-
-    def _why_not_placed(self, row: CatalogueRow, pose: GroundPose, robot: RobotPose | None) -> str:
-        environment = self._world.environment
-        if environment is None:
-            return "there is no map yet"
-        others = self.crowd.table.taken
-        return self._spawning.why_not(boxes_of([row], [pose]), environment, others, robot)
 
     def _sub_step(self, step_ns: int) -> None:
         """Read the inputs (environment, robot, goal, cameras), and run a sub-step of the crowd."""

@@ -8,7 +8,7 @@ import pytest
 
 from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.builder.population_manager import population_of
-from are_ros.errors import ParameterError, PlacementError
+from are_ros.errors import FrameError, ParameterError, PlacementError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.population.artefact import GroundPose, boxes_of
@@ -217,6 +217,15 @@ def test_nobody_arrives_at_the_robots_goal(make_scene: Make) -> None:
     assert distances.min() >= 0.8 + 0.2 + 0.05
     scene.builder.receive_plan(np.empty((0, 3)), "map", scene.ns(60.0))
     assert arrival_distances(scene, 120.0, (2.5, 2.5)).min() < 0.8
+
+
+def test_a_plan_in_the_maps_frame_needs_no_transform(make_scene: Make) -> None:
+    """It is where it says; a plan in a frame that nobody knows is refused, and changes nothing."""
+    scene, plan_m = make_scene(), np.array([[1.0, 1.0, 0.0], [2.5, 2.0, 0.0]])
+    scene.builder.receive_plan(plan_m, "map", scene.ns(0.0))
+    with pytest.raises(FrameError, match="never seen"):
+        scene.builder.receive_plan(plan_m + 1.0, "odom", scene.ns(0.1))
+    np.testing.assert_array_equal(scene.builder.lives.plan_m, plan_m[:, :2])
 
 
 def arrival_distances(scene: Scene, until_s: float, point: tuple[float, float]) -> Any:
