@@ -146,9 +146,9 @@ class Town:
 
     def moving(self, duration_s: float) -> int:
         """Run for a while; return how many have moved in a sub-step of it, in the mean."""
-        before = self.lives.motion_counts.moving_steps
+        before = self.lives.crowd.counts.moving_steps
         ticks = len(self.run(duration_s))
-        return round((self.lives.motion_counts.moving_steps - before) / (2 * ticks))
+        return round((self.lives.crowd.counts.moving_steps - before) / (2 * ticks))
 
     def run(self, duration_s: float) -> npt.NDArray[np.float64]:
         """Return what each tick took [ms]."""
@@ -240,12 +240,12 @@ def compare(moving: int, repetitions: int, rvo: Any) -> float:
     peers = [Peer(rvo, as_many, has_walls=walls) for walls in (False, True)]
     for peer in peers:
         peer.run(5 * PEER_STEPS)
-    before, ours, theirs = replace(town.lives.motion_counts), [], []
+    before, ours, theirs = replace(town.lives.crowd.counts), [], []
     for _ in range(repetitions):
         ticks = town.run(MEASURED_S)
         ours.append((np.median(ticks), np.quantile(ticks, 0.9)))
         theirs.append([np.median(peer.run(PEER_STEPS), axis=0) for peer in peers])
-    counts, steps = town.lives.motion_counts, repetitions * MEASURED_S * 2 * NS_PER_S / TICK_NS
+    counts, steps = town.lives.crowd.counts, repetitions * MEASURED_S * 2 * NS_PER_S / TICK_NS
     alive = (counts.artefact_steps - before.artefact_steps) / steps
     moved = (counts.moving_steps - before.moving_steps) / steps
     tick, late = np.median(ours, axis=0).tolist()

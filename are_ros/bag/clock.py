@@ -11,14 +11,12 @@ from collections import deque
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
-from struct import Struct
-from struct import error as StructError  # noqa: N812
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.bag.reader import BagMessage, BagReader
+from are_ros.bag.reader import STAMP_AT, BagMessage, BagReader, stamp_in
 from are_ros.builder.population_manager import IDLE_NS
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError
@@ -65,9 +63,6 @@ _FEWEST_STAMPS = 5
 _CLOCK = "/clock"
 _CLOCK_SAMPLES = 50
 _CLOCK_AGREES_NS = NS_PER_S // 5
-_STAMP_AT = 4
-"""Where the stamp of a message with a header lies, in CDR and in ROS 1 alike."""
-_STAMP = {True: Struct("<iI"), False: Struct(">iI")}
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +128,8 @@ class RecordedTimes:
             if moving[message.topic] == "tf":
                 transforms.take(reader, message)
             else:
-                stamps[message.topic].append(_stamp_ns(message, is_ros1=reader.is_ros1))
+                stamp_ns = stamp_in(message.data, is_ros1=reader.is_ros1)
+                stamps[message.topic].append(stamp_ns or 0)
 
         def topics(wanted: str) -> dict[str, Times]:
             names = (topic for topic, role in moving.items() if role == wanted)
@@ -237,26 +233,16 @@ def _telling(found: Sequence[Times]) -> list[Times]:
     return frequent or [one for one in stamped if len(one.log_ns)]
 
 
-def _stamp_ns(message: BagMessage, *, is_ros1: bool, at: int = _STAMP_AT) -> int:
-    """Return the stamp in the bytes of a message, 0 where they are too short."""
-    data = message.data
-    try:
-        seconds, nanoseconds = _STAMP[is_ros1 or bool(data[1] & 1)].unpack_from(data, at)
-    except (StructError, IndexError):
-        return 0
-    return int(seconds) * NS_PER_S + int(nanoseconds)
-
-
 def _clock(reader: BagReader, start_ns: int, stop_ns: int) -> list[Times]:
     """Return the times of /clock where it was recorded and differs from the log."""
     if not any(topic.name == _CLOCK and topic.count for topic in reader.topics):
         return []
-    at = 0 if reader.is_ros1 else _STAMP_AT
+    at = 0 if reader.is_ros1 else STAMP_AT
 
     def instants() -> Iterable[tuple[int, int]]:
         for message in reader.messages((_CLOCK,), start_ns, stop_ns):
-            stamp_ns = _stamp_ns(message, is_ros1=reader.is_ros1, at=at)
-            yield message.log_time_ns, stamp_ns
+            stamp_ns = stamp_in(message.data, at, is_ros1=reader.is_ros1)
+            yield message.log_time_ns, stamp_ns or 0
 
     first = [stamp_ns - log_ns for log_ns, stamp_ns in islice(instants(), _CLOCK_SAMPLES)]
     if not first or abs(float(np.median(first))) < _CLOCK_AGREES_NS:
@@ -361,15 +347,12 @@ class BagClock:
         """Return the times of log times, int64 (N,): `at`, to about a microsecond."""
         if not len(self.log_ns):
             return log_times_ns
-        index = np.searchsorted(self.log_ns, log_times_ns, side="right")
-        before = np.maximum(index - 1, 0)
-        after = np.minimum(before + 1, len(self.log_ns) - 1)
-        log_steps = (self.log_ns[after] - self.log_ns[before]).astype(np.float64)
-        clock_steps = (self.clock_ns[after] - self.clock_ns[before]).astype(np.float64)
-        is_inside = (index > 0) & (index < len(self.log_ns))
-        paces = np.where(is_inside, clock_steps / np.maximum(log_steps, 1.0), 1.0)
-        since_ns = (log_times_ns - self.log_ns[before]) * paces
-        return np.maximum(0, self.clock_ns[before] + since_ns.astype(np.int64))
+        offsets_ns, begin_ns = self.clock_ns - self.log_ns, self.log_ns[0]
+        # Outside the known instants the offset stays what it is at the next one.
+        grown_ns = offsets_ns - offsets_ns[0]
+        grown_ns = np.interp(log_times_ns - begin_ns, self.log_ns - begin_ns, grown_ns)
+        times_ns: Ints = np.maximum(0, log_times_ns + offsets_ns[0] + grown_ns.astype(np.int64))
+        return times_ns
 
 
 def _reference(sources: Sequence[Times]) -> Times | None:

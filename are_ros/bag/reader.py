@@ -6,8 +6,9 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from operator import attrgetter, itemgetter
 from pathlib import Path
+from struct import Struct
 from struct import error as StructError  # noqa: N812
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from rosbags.interfaces import MessageDefinitionFormat
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
@@ -74,6 +75,20 @@ def sentence_of(error: Exception) -> str:
     if isinstance(error, PermissionError):
         return "there is no permission to read it"
     return f"it cannot be read: {text}" if name in _PLAIN_SPOKEN else "it is damaged"
+
+
+STAMP_AT: Final = 4
+"""Where the stamp of a message with a header lies, in CDR and in ROS 1 alike."""
+_STAMPS: Final = (Struct(">iI"), Struct("<iI"))
+
+
+def stamp_in(data: bytes | memoryview, at: int = STAMP_AT, *, is_ros1: bool = False) -> int | None:
+    """Return the stamp [ns] at a place in the bytes of a message, None where they are too short."""
+    try:
+        seconds, nanoseconds = _STAMPS[is_ros1 or data[1] & 1].unpack_from(data, at)
+    except (StructError, IndexError):
+        return None
+    return int(seconds) * NS_PER_S + int(nanoseconds)
 
 
 # Which files are recordings, and their readers.

@@ -11,8 +11,6 @@ from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
-from struct import Struct
-from struct import error as StructError  # noqa: N812
 from typing import Any, Final, NamedTuple
 
 import yaml
@@ -20,7 +18,14 @@ from mcap.reader import make_reader
 
 from are_ros.bag.decoded import Scene, value_of
 from are_ros.bag.marker_decoding import decode_markers
-from are_ros.bag.reader import BagMessage, BagReader, BagTopic, as_bag_errors
+from are_ros.bag.reader import (
+    STAMP_AT,
+    BagMessage,
+    BagReader,
+    BagTopic,
+    as_bag_errors,
+    stamp_in,
+)
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError, InputError
 from are_ros.messages.sensors import CAMERA_INFO_TYPE, OUTPUT_TYPES, SENSORS
@@ -49,7 +54,6 @@ _SUFFIXES: Final = (".mcap", ".db3")
 
 _OWN_TYPES: Final = "are_"
 _MARKER_ARRAY: Final = "visualization_msgs/msg/MarkerArray"
-_STAMPS: Final = (Struct(">iI"), Struct("<iI"))
 _LISTS: Final = (_MARKER_ARRAY, "tf2_msgs/msg/TFMessage")
 _LATCHED: Final = ("/map", "/tf_static")
 _PAST_NS: Final = 2 * NS_PER_S
@@ -143,12 +147,7 @@ def _parameters_in(folder: Path) -> Path | None:
 
 def stamp_of(type_name: str, data: bytes) -> int | None:
     """Return the stamp of a message in CDR whose type begins with a header, or a list of such."""
-    offset = 8 if type_name in _LISTS else 4
-    try:
-        seconds, nanoseconds = _STAMPS[data[1] & 1].unpack_from(data, offset)
-    except (StructError, IndexError):
-        return None
-    return int(seconds) * NS_PER_S + int(nanoseconds)
+    return stamp_in(data, STAMP_AT + 4 * (type_name in _LISTS))
 
 
 @dataclass

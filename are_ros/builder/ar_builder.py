@@ -5,24 +5,26 @@ from functools import partial
 
 from are_ros.agents.events import ArtefactEvent, SceneMetrics
 from are_ros.builder import assembly
+from are_ros.builder.certainty.detector import Detector
 from are_ros.builder.certainty.perception import Perception, View
-from are_ros.builder.costmap.augmented_map import Grids
-from are_ros.builder.costmap.augmented_octomap import Solid
+from are_ros.builder.costmap.augmented_map import GateMemory, Grids
+from are_ros.builder.costmap.augmented_octomap import AugmentedOctomap, Solid
 from are_ros.builder.costmap.registration import (
     CellPatch,
     CoveredCells,
     clutter_ratio,
     covered_cells,
 )
-from are_ros.builder.markers import NO_MARKERS, MarkerBatch
-from are_ros.builder.observation import Observation, perceived_artefacts, sight_events
+from are_ros.builder.markers import NO_MARKERS, EnvironmentDisplay, MarkerBatch, MarkerDisplay
+from are_ros.builder.observation import Observation, Watch, perceived_artefacts, sight_events
 from are_ros.builder.occlusion.meshes import MeshPool
 from are_ros.builder.scene import Scene
 from are_ros.builder.sensors.point_cloud import PointCloud
 from are_ros.builder.simulation import Simulation
 from are_ros.builder.tick import USUAL, Demand, Tick
-from are_ros.parameters.choices import CostmapGate
-from are_ros.parameters.model import Parameters
+from are_ros.conventions import seconds_to_ns
+from are_ros.parameters.choices import CostmapGate, Shape
+from are_ros.parameters.model import MarkersParameters, Parameters
 from are_ros.population.catalogue import Catalogue
 from are_ros.population.departures import Cause
 from are_ros.world.environment import Environment
@@ -43,13 +45,14 @@ class ArBuilder(Simulation):
     ) -> None:
         super().__init__(parameters, catalogue)
         self.demand = demand
-        self._watch = assembly.watch(parameters, self.robots, self._meshes)
-        self._detector = assembly.detector(parameters, catalogue)
-        self._gate = assembly.gate(parameters)
+        rates_hz, tick_rate_hz = parameters.camera.rates, parameters.builder.tick_rate
+        self._watch = Watch(self.robots, self._meshes, rates_hz, tick_rate_hz)
+        is_certain = not parameters.certainty.enabled
+        self._detector = None if is_certain else Detector(parameters, catalogue)
         self._grids = assembly.grid_augmentation(parameters)
-        self._octomap = assembly.augmented_octomap(parameters)
-        self._display = assembly.display(parameters, self._meshes)
-        self._surroundings = assembly.environment_display(parameters)
+        self._octomap = AugmentedOctomap(parameters.augmented_map.max_rate)
+        self._gate = GateMemory(seconds_to_ns(parameters.costmap.memory))
+        self._use_display(parameters.markers)
         self._is_redraw_due = False
         self._seen: dict[int, str] = {}
         self._clutter_ratio = _NAN
@@ -67,7 +70,7 @@ class ArBuilder(Simulation):
         environment.prepare()
         if self.demand.perception:
             self._watch.prepare(environment)
-        self._sensors.prepare(environment)
+        self.sensors.prepare(environment)
         if self.demand.grids:
             self._grids.prepare(environment)
         voxels = self._real_voxels()
@@ -142,14 +145,18 @@ class ArBuilder(Simulation):
         self.parameters = parameters
         if self._detector is not None:
             self._detector.parameters = parameters
-        self._sensors.reconfigure(parameters)
+        self.sensors.reconfigure(parameters)
         self._grids.limit_rate(parameters.augmented_map.max_rate)
         self._octomap.limit_rate(parameters.augmented_map.max_rate)
         if parameters.costmap != before.costmap:
-            self._gate = assembly.gate(parameters)
+            self._gate = GateMemory(seconds_to_ns(parameters.costmap.memory))
         if parameters.markers != before.markers:
-            self._display = assembly.display(parameters, self._meshes)
-            self._surroundings = assembly.environment_display(parameters)
+            self._use_display(parameters.markers)
+
+    def _use_display(self, markers: MarkersParameters) -> None:
+        meshes = self._meshes if markers.shape is Shape.MESH else None
+        self._display = MarkerDisplay(markers.labels, meshes)
+        self._surroundings = EnvironmentDisplay() if markers.environment else None
 
     def step(self, now_ns: int) -> Tick:
         """Run one tick: occlude, register, gate, augment (section 3.3)."""
@@ -192,7 +199,7 @@ class ArBuilder(Simulation):
             if self.parameters.certainty.applies_to_sensors:
                 ids = perception.seen_ns.keys()
         if self.demand.perception:
-            self._sensors.perceived = frozenset(ids)
+            self.sensors.perceived = frozenset(ids)
         return perception
 
     @property
@@ -234,6 +241,8 @@ class ArBuilder(Simulation):
     def _admit(self, now_ns: int, perception: Perception, scene: Scene) -> Collection[int]:
         """Gate: the ids of the artefacts that the maps show."""
         candidates = {*scene.ids.tolist(), *self._perceived_elsewhere(perception)}
+        if self.parameters.costmap.gate is CostmapGate.ALL:
+            return sorted(candidates)
         return self._gate.admitted(now_ns, perception.seen_ns, candidates)
 
     def _augment(
@@ -324,8 +333,8 @@ class ArBuilder(Simulation):
             arrivals=counts.arrived,
             departures=counts.departed,
             blocked=counts.blocked,
-            displaced=self.lives.displaced,
-            robot_contacts=self.lives.robot_contacts,
+            displaced=self.lives.crowd.counts.displaced,
+            robot_contacts=self.lives.crowd.contacts.count,
             area_m2=self.lives.area_m2,
             clutter_ratio=self._clutter_ratio,
             rho=_NAN,

@@ -6,17 +6,12 @@ from pathlib import Path
 
 from are_ros.agents.collisions import CollisionResolver, ContactPolicy, Displace, Hold, Remove
 from are_ros.agents.robots import RobotTracker
-from are_ros.builder.certainty.detector import Detector
-from are_ros.builder.costmap.augmented_map import GateMemory, GridAugmentation, OpenGate, gate_of
-from are_ros.builder.costmap.augmented_octomap import AugmentedOctomap
+from are_ros.builder.costmap.augmented_map import GridAugmentation
 from are_ros.builder.costmap.inflation import InflatedCostmap
 from are_ros.builder.files.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
-from are_ros.builder.markers import EnvironmentDisplay, MarkerDisplay
-from are_ros.builder.observation import Watch
-from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.conventions import seconds_to_ns
 from are_ros.errors import ParameterError
-from are_ros.parameters.choices import CameraModel, OnRobotContact, Shape
+from are_ros.parameters.choices import CameraModel, OdometryUse, OnRobotContact
 from are_ros.parameters.model import CameraParameters, Parameters, RobotParameters
 from are_ros.population.catalogue import Catalogue
 from are_ros.world.cameras import (
@@ -46,6 +41,15 @@ def robot_tracker(parameters: Parameters, frames: FrameTree) -> RobotTracker:
     observer = Observer(OBSERVER, parameters.frames.base, robot_footprint(parameters.robot))
     max_age_ns = seconds_to_ns(parameters.frames.max_age)
     return RobotTracker(observer, frames, parameters.frames.map, max_age_ns)
+
+
+def odometry_source(parameters: Parameters) -> TransformSource | None:
+    """Return as what the poses of odometry count, None where they do not."""
+    sources = {
+        OdometryUse.AUTO: TransformSource.ODOMETRY,
+        OdometryUse.USE: TransformSource.PREFERRED_ODOMETRY,
+    }
+    return sources.get(parameters.frames.odometry)
 
 
 def robot_footprint(robot: RobotParameters) -> Footprint:
@@ -78,21 +82,6 @@ def chosen_camera(parameters: Parameters, received: Camera) -> Camera:
     return Camera(received.view, frame_id, received.base_from_optical)
 
 
-def watch(parameters: Parameters, robots: RobotTracker, meshes: MeshBank) -> Watch:
-    """Return what lets the robot look with each of its cameras, at the camera's rate."""
-    return Watch(robots, meshes, parameters.camera.rates, parameters.builder.tick_rate)
-
-
-def detector(parameters: Parameters, catalogue: Catalogue) -> Detector | None:
-    """Return the detector of `certainty`, None where perception is certain."""
-    return Detector(parameters, catalogue) if parameters.certainty.enabled else None
-
-
-def gate(parameters: Parameters) -> GateMemory | OpenGate:
-    """Return the gate of the grids."""
-    return gate_of(parameters.costmap.gate, seconds_to_ns(parameters.costmap.memory))
-
-
 def collision_resolver(parameters: Parameters) -> CollisionResolver:
     """Return the resolver with the policy of `collisions.on_robot_contact`.
 
@@ -115,22 +104,6 @@ def grid_augmentation(parameters: Parameters) -> GridAugmentation:
         robot_footprint(parameters.robot).inscribed_radius_m,
     )
     return GridAugmentation(costmap, parameters.augmented_map.max_rate)
-
-
-def augmented_octomap(parameters: Parameters) -> AugmentedOctomap:
-    """Return what keeps the octomap."""
-    return AugmentedOctomap(parameters.augmented_map.max_rate)
-
-
-def display(parameters: Parameters, meshes: MeshBank) -> MarkerDisplay:
-    """Return what draws the artefacts, in `markers.shape` and with `markers.labels`."""
-    markers = parameters.markers
-    return MarkerDisplay(markers.labels, meshes if markers.shape is Shape.MESH else None)
-
-
-def environment_display(parameters: Parameters) -> EnvironmentDisplay | None:
-    """Return what draws the environment's surface, None unless that is asked for."""
-    return EnvironmentDisplay() if parameters.markers.environment else None
 
 
 def set_static_frames(parameters: Parameters, frames: FrameTree) -> None:

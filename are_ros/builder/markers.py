@@ -5,11 +5,11 @@ artefacts are opaque, the others translucent. `EnvironmentDisplay` adds the surf
 """
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from itertools import chain
-from typing import Final, TypeVar
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -97,6 +97,8 @@ class MarkerLook:
 
 
 Looks = tuple[MarkerLook, ...]
+_Key = tuple[str, int | str, bool, int]
+"""What looks go by: namespace, index of the row (of a label its text), is perceived, speed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,10 +158,7 @@ class MarkerDisplay:
 
     def __init__(self, labels: Labels = Labels.PERCEIVED, meshes: MeshBank | None = None) -> None:
         self._labels, self._meshes = labels, meshes
-        self._rows: dict[int, CatalogueRow] = {}
-        self._bodies: dict[tuple[int, bool], MarkerLook] = {}
-        self._texts: dict[tuple[str, bool], MarkerLook] = {}
-        self._arrows: dict[tuple[int, bool, int], MarkerLook] = {}
+        self._looks: dict[_Key, MarkerLook] = {}
         self._forget()
 
     def _forget(self) -> None:
@@ -200,25 +199,19 @@ class MarkerDisplay:
 
     def _figures_of(self, scene: Scene, perceived: frozenset[int]) -> dict[int, Looks]:
         """Return the looks of each artefact by id: body, label if it has one, heading."""
-        ids, indices = [one.id for one in scene.artefacts], [row.index for row in scene.rows]
+        ids, known = [one.id for one in scene.artefacts], self._looks
         seen = [number in perceived for number in ids]
         steps = [speed_steps(vx, vy) for vx, vy, _ in scene.twists.tolist()]
         texts = self._texts_of(scene, ids, seen)
-        self._rows = dict(zip(indices, scene.rows, strict=True))
-        body_keys = list(zip(indices, seen, strict=True))
-        text_keys = list(zip(texts, seen, strict=True))
-        arrow_keys = list(zip(indices, seen, steps, strict=True))
-        self._bodies = _kept(self._bodies, body_keys, self._body)
-        self._texts = _kept(self._texts, text_keys, _label)
-        self._arrows = _kept(self._arrows, arrow_keys, self._heading)
-        return {
-            number: (
-                (self._bodies[body], self._texts[text], self._arrows[arrow])
-                if text[0]
-                else (self._bodies[body], self._arrows[arrow])
-            )
-            for number, body, text, arrow in zip(ids, body_keys, text_keys, arrow_keys, strict=True)
-        }
+        keys: dict[int, tuple[_Key, ...]] = {}
+        wanted: dict[_Key, CatalogueRow] = {}
+        for i, row, is_seen, text, step in zip(ids, scene.rows, seen, texts, steps, strict=True):
+            body, heading = (BODY, row.index, is_seen, 0), (HEADING, row.index, is_seen, step)
+            keys[i] = (body, (LABEL, text, is_seen, 0), heading) if text else (body, heading)
+            for key in keys[i]:
+                wanted[key] = row
+        self._looks = {key: known.get(key) or self._look(row, *key) for key, row in wanted.items()}
+        return {i: tuple([self._looks[key] for key in own]) for i, own in keys.items()}
 
     def _texts_of(self, scene: Scene, ids: list[int], seen: list[bool]) -> list[str]:
         """Return the labels' texts, empty for an artefact without a label."""
@@ -248,7 +241,8 @@ class MarkerDisplay:
         self._poses = np.concatenate((self._poses, np.full((1, 7), np.nan)))[kept]
         self._due_ns = np.append(self._due_ns, 0)[kept]
         self._phases_ns = np.array([i * _GOLDEN_NS % REFRESH_NS for i in figures], dtype=np.int64)
-        offsets_m = {row.index: self._offsets_m_of(row) for row in self._rows.values()}
+        rows = {row.index: row for row in scene.rows}
+        offsets_m = {index: self._offsets_m_of(row) for index, row in rows.items()}
         self._offsets_m = np.array([offsets_m[row.index] for row in scene.rows]).reshape(-1, 3, 3)
         has_label = [len(looks) > 2 for looks in figures.values()]
         self._is_drawn = np.ones((len(figures), 3), np.bool_)
@@ -273,37 +267,40 @@ class MarkerDisplay:
             poses[self._is_drawn[due].ravel()],
         )
 
-    def _body(self, index: int, is_perceived: bool) -> MarkerLook:
+    def _look(
+        self, row: CatalogueRow, namespace: str, subject: int | str, is_perceived: bool, steps: int
+    ) -> MarkerLook:
+        """Return the looks of a key: `subject` is a row's index, of a label the text."""
+        colour = (*row.colour[:3], OPAQUE if is_perceived else TRANSLUCENT)
+        if namespace == BODY:
+            return self._body(row, colour)
+        if namespace == HEADING:
+            return _heading(row, colour, SPEED_STEP_MPS * steps)
+        return MarkerLook(
+            LABEL,
+            MarkerKind.TEXT_VIEW_FACING,
+            scale=(TEXT_HEIGHT_M, TEXT_HEIGHT_M, TEXT_HEIGHT_M),
+            colour=(1.0, 1.0, 1.0, colour[3]),
+            text=str(subject),
+        )
+
+    def _body(self, row: CatalogueRow, colour: Colour) -> MarkerLook:
         """Return a row's mesh, each face's colour given to its corners, or else its box.
 
         rviz looks for transparency in the corners' colours when there are any, else in the
         marker's.
         """
-        row, alpha = self._rows[index], _alpha(is_perceived)
         if self._meshes is None:
-            return MarkerLook(
-                BODY, MarkerKind.CUBE, scale=row.size_m, colour=(*row.colour[:3], alpha)
-            )
+            return MarkerLook(BODY, MarkerKind.CUBE, scale=row.size_m, colour=colour)
         triangles_m, face_colours = self._meshes.drawing(row)
         colours = np.repeat(face_colours, 3, axis=0)
-        colours[:, 3] = alpha
+        colours[:, 3] = colour[3]
         return MarkerLook(
             BODY,
             MarkerKind.TRIANGLE_LIST,
-            colour=(*row.colour[:3], OPAQUE),
+            colour=(*colour[:3], OPAQUE),
             points=triangles_m.reshape(-1, 3),
             colours=colours,
-        )
-
-    def _heading(self, index: int, is_perceived: bool, steps: int) -> MarkerLook:
-        """Return an arrow along F_A's x axis, past the box's front: the faster, the farther."""
-        row, speed_mps = self._rows[index], SPEED_STEP_MPS * steps
-        past_m = min(ARROW_OF_STANDING_M + ARROW_PER_SPEED_S * speed_mps, LONGEST_ARROW_M)
-        return MarkerLook(
-            HEADING,
-            MarkerKind.ARROW,
-            scale=(0.5 * row.size_m[0] + past_m, ARROW_THICKNESS_M, ARROW_THICKNESS_M),
-            colour=(*row.colour[:3], _alpha(is_perceived)),
         )
 
     def _offsets_m_of(self, row: CatalogueRow) -> tuple[Vector3, Vector3, Vector3]:
@@ -314,28 +311,11 @@ class MarkerDisplay:
         return body, (x, y, top + TEXT_HEIGHT_M), (x, y, top)
 
 
-def _label(text: str, is_perceived: bool) -> MarkerLook:
-    return MarkerLook(
-        LABEL,
-        MarkerKind.TEXT_VIEW_FACING,
-        scale=(TEXT_HEIGHT_M, TEXT_HEIGHT_M, TEXT_HEIGHT_M),
-        colour=(1.0, 1.0, 1.0, _alpha(is_perceived)),
-        text=text,
-    )
-
-
-def _alpha(is_perceived: bool) -> float:
-    return OPAQUE if is_perceived else TRANSLUCENT
-
-
-_Key = TypeVar("_Key", bound=tuple[object, ...])
-
-
-def _kept(
-    known: Mapping[_Key, MarkerLook], keys: Iterable[_Key], make: Callable[..., MarkerLook]
-) -> dict[_Key, MarkerLook]:
-    """Return the look of each key: the known one, or else a new one; other looks are forgotten."""
-    return {key: known[key] if key in known else make(*key) for key in keys}
+def _heading(row: CatalogueRow, colour: Colour, speed_mps: float) -> MarkerLook:
+    """Return an arrow along F_A's x axis, past the box's front: the faster, the farther."""
+    past_m = min(ARROW_OF_STANDING_M + ARROW_PER_SPEED_S * speed_mps, LONGEST_ARROW_M)
+    size_m = (0.5 * row.size_m[0] + past_m, ARROW_THICKNESS_M, ARROW_THICKNESS_M)
+    return MarkerLook(HEADING, MarkerKind.ARROW, scale=size_m, colour=colour)
 
 
 def deletions(before: Mapping[int, Looks], now: Mapping[int, Looks]) -> MarkerBatch:

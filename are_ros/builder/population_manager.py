@@ -21,7 +21,7 @@ from are_ros.agents.local_planner.state import STAYS
 from are_ros.agents.navigation.terrain import Terrains
 from are_ros.agents.robots import RobotPose, RobotTracker
 from are_ros.agents.scenario_recorder import ScenarioRecorder
-from are_ros.agents.simulate import CrowdSimulator, MotionCounts
+from are_ros.agents.simulate import CrowdSimulator
 from are_ros.agents.table import AgentTable
 from are_ros.builder.files.scenario_file import read_scenario
 from are_ros.builder.real_world import RealWorld
@@ -140,16 +140,6 @@ class PopulationManager:
         """The area nu(M2D) [m^2] on which artefacts arrive, 0 before it is known."""
         return self._spawning.area_m2
 
-    @property
-    def robot_contacts(self) -> int:
-        """Number of contacts of the robot with artefacts so far."""
-        return self.crowd.contacts.count
-
-    @property
-    def displaced(self) -> int:
-        """Number of displacements so far: an artefact had no safe pose, and was moved or left."""
-        return self.crowd.counts.displaced
-
     def record_scenario(self) -> ScenarioRecorder:
         """Record the run as a scenario; call it before the first `advance`."""
         self.crowd.recorder = ScenarioRecorder(self._steps.period_ns)
@@ -158,11 +148,6 @@ class PopulationManager:
     def report_faults_to(self, report: Callable[[BehaviourError], None]) -> None:
         """Stop an artefact whose behaviour fails and report the error, instead of raising it."""
         self.crowd.decisions.report_fault = report
-
-    @property
-    def motion_counts(self) -> MotionCounts:
-        """Numbers of sub-steps of artefacts: all, with motion, and with a collision."""
-        return self.crowd.counts
 
     @property
     def environment(self) -> Environment | None:
@@ -303,7 +288,11 @@ class PopulationManager:
         Raises PlacementError, and changes nothing, if it cannot stand there.
         """
         self.advance(now_ns)
-        reason = self._why_not_placed(row, pose, self._robots.pose(now_ns) or self._robot)
+        environment, others = self._world.environment, self.crowd.table.taken
+        box, robot = boxes_of([row], [pose]), self._robots.pose(now_ns) or self._robot
+        reason = "there is no map yet"
+        if environment is not None:
+            reason = self._spawning.why_not(box, environment, others, robot)
         if reason:
             raise PlacementError(f"{row.label} at {pose.x_m:.2f}, {pose.y_m:.2f}: {reason}")
         event = self.population.admit(
@@ -339,13 +328,6 @@ class PopulationManager:
         boxes, is_clear = crowd.table.taken, crowd.planner.is_clear
         pose = spawning.place(row, generator, boxes, self._robot, near, is_clear)
         return pose or spawning.cause
-
-    def _why_not_placed(self, row: CatalogueRow, pose: GroundPose, robot: RobotPose | None) -> str:
-        environment = self._world.environment
-        if environment is None:
-            return "there is no map yet"
-        others = self.crowd.table.taken
-        return self._spawning.why_not(boxes_of([row], [pose]), environment, others, robot)
 
     def _sub_step(self, step_ns: int) -> None:
         """Read the inputs (environment, robot, goal, cameras), and run a sub-step of the crowd."""

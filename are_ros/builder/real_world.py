@@ -156,8 +156,7 @@ class RealWorld:
             if found is not None:
                 return found
         try:
-            stamp_ns = self._frames.latest_common_time(self._map_frame, frame_id)
-            return self._frames.lookup(self._map_frame, frame_id, stamp_ns)
+            return self._frames.lookup_latest(self._map_frame, frame_id)
         except FrameError:
             return None
 

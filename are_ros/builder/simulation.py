@@ -3,7 +3,7 @@
 Each input is received through a method of `Simulation`, which first runs what is due before it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -15,19 +15,18 @@ from are_ros.builder.population_manager import PopulationManager
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.sensors.augmentation import SensorAugmentation
 from are_ros.builder.sensors.lens import Lens
-from are_ros.builder.sensors.sensor_path import Reading, ReleasedReading, SensorPathCounts
+from are_ros.builder.sensors.sensor_path import Reading, ReleasedReading
 from are_ros.builder.spawning.out_of_view import Viewpoint
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError
-from are_ros.parameters.choices import CameraModel, OdometryUse
+from are_ros.parameters.choices import CameraModel
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue
 from are_ros.population.departures import Cause
 from are_ros.world.cameras import Camera
 from are_ros.world.footprint import Footprint
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.rigid_transform import Values
-from are_ros.world.transforms.table import TransformSource
+from are_ros.world.rigid_transform import RigidTransform, Values
 from are_ros.world.transforms.tree import FrameTree
 
 _BEFORE_ALL_NS: Final = -(2**63)
@@ -38,10 +37,6 @@ fractions of a second, while a recording that loops goes back further."""
 _LEAP_NS: Final = 7200 * NS_PER_S
 """If the clock leaps ahead by more than this, the simulation restarts: to compute a day takes
 seconds, years take hours."""
-_ODOMETRY_SOURCES: Final = {
-    OdometryUse.AUTO: TransformSource.ODOMETRY,
-    OdometryUse.USE: TransformSource.PREFERRED_ODOMETRY,
-}
 
 
 class Simulation:
@@ -66,7 +61,7 @@ class Simulation:
         self.camera = assembly.default_camera(parameters)
         self._meshes = MeshBank()
         self.lives.viewpoints = self._viewpoints
-        self._sensors = SensorAugmentation(parameters, self.frames, self.lives, self._meshes)
+        self.sensors = SensorAugmentation(parameters, self.frames, self.lives, self._meshes)
         self.judges_until_ns = _AFTER_ALL_NS
         """Deadlines of readings after this are not processed yet; a node sets it."""
         self._now_ns = _BEFORE_ALL_NS
@@ -129,7 +124,7 @@ class Simulation:
             self.frames.set_static(parent, child, translation_m, rotation_xyzw)
         else:
             self.frames.set_transform(parent, child, stamp_ns, translation_m, rotation_xyzw)
-        self._sensors.transforms_came(received_ns)
+        self.sensors.transforms_came(received_ns)
 
     def receive_odometry(
         self,
@@ -142,14 +137,14 @@ class Simulation:
     ) -> None:
         """Take a pose from odometry; an empty child frame means the robot's base."""
         self._received(received_ns)
-        source = _ODOMETRY_SOURCES.get(self.parameters.frames.odometry)
+        source = assembly.odometry_source(self.parameters)
         if source is None:
             return
         child = child or self.robots.base_frame()
         self.frames.set_transform(
             parent, child, stamp_ns, translation_m, rotation_xyzw, source=source
         )
-        self._sensors.transforms_came(received_ns)
+        self.sensors.transforms_came(received_ns)
 
     def receive_camera(self, camera: Camera, received_ns: int, number: int = 0) -> None:
         """Take the view model of a camera of the robot, from its CameraInfo.
@@ -164,17 +159,17 @@ class Simulation:
     def receive_reading(self, topic: str, reading: Reading, received_ns: int) -> None:
         """Take a reading of a sensor; `take_readings` returns it, augmented."""
         self._received(received_ns)
-        self._sensors.push(topic, reading, received_ns)
+        self.sensors.push(topic, reading, received_ns)
         self._idle_until_ns = received_ns
 
     def await_lens(self, topic: str, lens_topic: str, *, is_depth: bool = False) -> None:
         """Let the images of a topic wait for the CameraInfo that comes on another one."""
-        self._sensors.await_lens(topic, lens_topic, is_depth=is_depth)
+        self.sensors.await_lens(topic, lens_topic, is_depth=is_depth)
 
     def receive_lens(self, topic: str, lens: Lens, received_ns: int) -> None:
         """Take the lens of the images of a topic, from the CameraInfo beside them."""
         self._received(received_ns)
-        self._sensors.receive_lens(topic, lens, received_ns)
+        self.sensors.receive_lens(topic, lens, received_ns)
 
     def receive_plan(
         self, points_m: npt.NDArray[np.floating], frame_id: str, received_ns: int
@@ -185,13 +180,16 @@ class Simulation:
         Raises FrameError if the frame's pose is not known.
         """
         self._received(received_ns)
-        plan_m = self._in_map(points_m, frame_id) if len(points_m) else np.empty((0, 3))
+        plan_m = np.empty((0, 3))
+        if len(points_m):
+            map_from_plan = self.frames.lookup_latest(self.parameters.frames.map, frame_id)
+            plan_m = map_from_plan.apply(np.asarray(points_m, dtype=np.float64))
         self.lives.plan_m = plan_m[:, :2]
         self.lives.goal = self._goal_of(plan_m) if len(plan_m) else None
 
     def take_readings(self) -> list[ReleasedReading]:
         """Return the readings released since the last call."""
-        return self._sensors.take()
+        return self.sensors.take()
 
     def await_camera(self) -> None:
         """Perceive nothing before the first CameraInfo, unless the parameters give the camera."""
@@ -206,18 +204,6 @@ class Simulation:
             f"{camera.mount[2]:g} m up, stands in for it (parameters camera.*)"
         )
 
-    def sensor_counts(self) -> Mapping[str, SensorPathCounts]:
-        """Return, by topic, how many readings were released in which way."""
-        return self._sensors.counts()
-
-    def sensor_problems(self) -> Mapping[str, str]:
-        """Return, by topic, why the last reading passed through unaugmented."""
-        return self._sensors.problems()
-
-    def sensor_lateness_ns(self) -> Mapping[str, int]:
-        """Return, by topic, how late the transforms were for which readings did not wait [ns]."""
-        return self._sensors.late_ns()
-
     # ------------------------------------------------------------------------------ time
 
     def advance(self, now_ns: int) -> None:
@@ -228,22 +214,22 @@ class Simulation:
         if now_ns > self._now_ns + _LEAP_NS and self._now_ns != _BEFORE_ALL_NS:
             self._leap(now_ns)
         self._now_ns = max(self._now_ns, now_ns)
-        while (deadline_ns := self._sensors.next_deadline_ns()) is not None:
+        while (deadline_ns := self.sensors.next_deadline_ns()) is not None:
             if deadline_ns > min(now_ns, self.judges_until_ns):
                 break
             self.lives.advance(deadline_ns)
-            self._sensors.deadline_passed(deadline_ns)
+            self.sensors.deadline_passed(deadline_ns)
         self.lives.advance(now_ns)
         self._idle_until_ns = self._next_due_ns()
 
     def finish(self, now_ns: int) -> None:
         """Release the readings that still wait: the inputs have ended."""
         self.advance(now_ns)
-        self._sensors.flush(now_ns)
+        self.sensors.flush(now_ns)
 
     def next_deadline_ns(self) -> int | None:
         """Return when the next reading that waits must leave, None if none waits."""
-        return self._sensors.next_deadline_ns()
+        return self.sensors.next_deadline_ns()
 
     def _next_due_ns(self) -> int:
         """Return the time before which nothing is due unless an input comes."""
@@ -276,7 +262,7 @@ class Simulation:
         self.frames.forget_after(now_ns)
         self.robots.forget()
         self.lives.restart(now_ns, cause)
-        self._sensors.clear()
+        self.sensors.clear()
 
     def reseed(self, seed: int, now_ns: int) -> None:
         """Draw from another seed from now on; artefacts alive stay."""
@@ -300,13 +286,6 @@ class Simulation:
         self.advance(received_ns)
         self.lives.touch(received_ns)
 
-    def _in_map(self, points_m: npt.NDArray[np.floating], frame_id: str) -> npt.NDArray[np.float64]:
-        """Return points (N, 3) of a frame, at its newest pose, in the map frame."""
-        map_frame = self.parameters.frames.map
-        stamp_ns = self.frames.latest_common_time(map_frame, frame_id)
-        map_from_plan = self.frames.lookup(map_frame, frame_id, stamp_ns)
-        return map_from_plan.apply(np.asarray(points_m, dtype=np.float64))
-
     def _goal_of(self, plan_m: npt.NDArray[np.float64]) -> Footprint:
         """Return the robot's disc at the end of its path (N, 3), in the map frame."""
         radius_m = self.robots.observer.footprint.circumscribed_radius_m
@@ -314,10 +293,10 @@ class Simulation:
 
     def _viewpoints(self, now_ns: int) -> Sequence[Viewpoint]:
         """Return the cameras at their poses, without those whose pose is not known."""
-        known = [camera for camera in self.cameras if camera is not None]
-        poses = [self.robots.map_from_camera(camera, now_ns) for camera in known]
-        return tuple(
-            Viewpoint(camera.view, map_from_camera)
-            for camera, map_from_camera in zip(known, poses, strict=True)
-            if map_from_camera is not None
-        )
+        return tuple(Viewpoint(camera.view, pose) for _, camera, pose in self.cameras_at(now_ns))
+
+    def cameras_at(self, now_ns: int) -> list[tuple[int, Camera, RigidTransform]]:
+        """Return number, camera and map_from_camera of each camera whose pose is known."""
+        known = [(k, camera) for k, camera in enumerate(self.cameras) if camera is not None]
+        poses = [self.robots.map_from_camera(camera, now_ns) for _, camera in known]
+        return [(*one, pose) for one, pose in zip(known, poses, strict=True) if pose is not None]

@@ -288,8 +288,8 @@ class SoakRun:
         lives = self.builder.lives
         return SoakResult(
             self.judge.verdict,
-            lives.motion_counts,
-            lives.robot_contacts,
+            lives.crowd.counts,
+            lives.crowd.contacts.count,
             lives.population.counts.blocked,
             self.now_s,
             self.builder.parameters.seed,

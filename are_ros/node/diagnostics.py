@@ -521,14 +521,14 @@ class Reporter:
             arrivals=counts.arrived,
             departures=counts.departed,
             blocked=counts.blocked,
-            displaced=lives.displaced,
+            displaced=lives.crowd.counts.displaced,
             arrivals_lately=self._arrived.growth(now_ns),
             blocked_lately=self._blocked.growth(now_ns),
             is_map_closed=builder.world.grid is not None and not builder.world.has_free_cells,
         )
 
     def _contacts(self, builder: ArBuilder, now_ns: int) -> ContactSnapshot:
-        count = builder.lives.robot_contacts
+        count = builder.lives.crowd.contacts.count
         if self._last_contact is None:
             return ContactSnapshot(count)
         last, then_ns = self._last_contact
@@ -536,8 +536,8 @@ class Reporter:
 
     def _sensors(self, live: LiveBuilder, now_ns: int) -> Iterator[SensorSnapshot]:
         builder = live.builder
-        problems, late_ns = builder.sensor_problems(), builder.sensor_lateness_ns()
-        for topic, counts in builder.sensor_counts().items():
+        problems, late_ns = builder.sensors.problems(), builder.sensors.late_ns()
+        for topic, counts in builder.sensors.counts().items():
             watch = self._passed.setdefault(topic, CountWatch(_LATELY_NS))
             watch.update(now_ns, counts.passed_through)
             yield SensorSnapshot(

@@ -237,19 +237,6 @@ def _inverse(information: Floats) -> Floats | None:
     return inverse
 
 
-__all__ = (
-    "MixtureFit",
-    "Search",
-    "Stop",
-    "best_by_bic",
-    "count_rows",
-    "fit_by_bic",
-    "fit_mixture",
-    "most_components",
-    "rate_limits",
-    "why_no_row",
-)
-
 Counts = npt.NDArray[np.int64]
 Progress = Callable[[int, int], None]
 """Called with the number of finished searches, and of all."""

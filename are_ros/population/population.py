@@ -127,7 +127,8 @@ class Population:
         self._seed = seed
         self._source = source
         self._law = departures
-        self._given_ends_ns: dict[int, int | None] = {}
+        self._is_given: set[int] = set()
+        """The ids of the artefacts alive whose ends are given, and not drawn by the law."""
         self._history_ns = history_ns
         self._living: dict[int, Artefact] = {}
         self._departed: deque[Artefact] = deque()
@@ -181,7 +182,7 @@ class Population:
         self._source.set_rate(rate_per_s, now_ns)
         self._law.set_mean_life(mean_life_s, now_ns)
         for artefact in self._living.values():
-            if artefact.id not in self._given_ends_ns and not artefact.is_leaving:
+            if artefact.id not in self._is_given and not artefact.is_leaving:
                 artefact.departure_ns = self._law.departure_of(artefact.id)
 
     def set_marks(self, rows: Sequence[CatalogueRow], law: RowLaw, mean_group_size: float) -> None:
@@ -192,10 +193,10 @@ class Population:
     def postpone(self, by_ns: int) -> None:
         """Postpone given ends of lives, and scripted arrivals still to come, after a pause."""
         self.scripted.postpone(by_ns)
-        for artefact_id, end_ns in self._given_ends_ns.items():
-            if end_ns is not None:
-                self._given_ends_ns[artefact_id] = end_ns + by_ns
-                self._living[artefact_id].departure_ns = end_ns + by_ns
+        for artefact_id in self._is_given:
+            artefact = self._living[artefact_id]
+            if artefact.departure_ns is not None:
+                artefact.departure_ns += by_ns
 
     def next_event_ns(self) -> int | None:
         """Return when `handle_next` has something to do [ns], None if never as things stand."""
@@ -217,7 +218,7 @@ class Population:
         """
         departure, next_ns = self._next_departure(), self.next_event_ns()
         if departure and departure.time_ns == next_ns:
-            if departure.artefact_id not in self._given_ends_ns:
+            if departure.artefact_id not in self._is_given:
                 self._law.pop()
             return [self._end(departure)]
         if next_ns is not None and self.scripted.next_ns() == next_ns:
@@ -292,19 +293,20 @@ class Population:
 
     def _next_departure(self) -> Departure | None:
         """Return the next end of a life, drawn or given, of two at one instant the lower id."""
-        given = [Departure(t, i) for i, t in self._given_ends_ns.items() if t is not None]
+        ends = [(self._living[i].departure_ns, i) for i in self._is_given]
+        next_ones = [Departure(end_ns, i) for end_ns, i in ends if end_ns is not None]
         drawn = self._law.next()
-        return min([*given, drawn] if drawn else given, default=None)
+        return min([*next_ones, drawn] if drawn else next_ones, default=None)
 
     def _end_life(self, artefact_id: int, now_ns: int) -> None:
         """Forget a life that is over, or that is cut short."""
-        if artefact_id in self._given_ends_ns:
-            del self._given_ends_ns[artefact_id]
+        if artefact_id in self._is_given:
+            self._is_given.remove(artefact_id)
         else:
             self._law.removed(artefact_id, now_ns)
 
     def _restart_lives(self, now_ns: int) -> None:
-        self._given_ends_ns.clear()
+        self._is_given.clear()
         self._law.restart(now_ns)
 
     def _arrive_by_script(self, admit: Admit) -> PopulationEvent:
@@ -365,7 +367,7 @@ class Population:
         may_change = not behaviour
         behaviour = behaviour or self._drawn_behaviour(artefact_id, row)
         if end_ns is not None or row.forever or offer is not None:
-            self._given_ends_ns[artefact_id] = end_ns
+            self._is_given.add(artefact_id)
         else:
             self._law.arrived(artefact_id, now_ns)
             end_ns = self._law.departure_of(artefact_id)

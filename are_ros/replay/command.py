@@ -29,7 +29,7 @@ from are_ros.parameters.ros_yaml import (
 )
 from are_ros.parameters.validation import validated
 from are_ros.population.departures import Cause
-from are_ros.replay.output_folder import METRICS, VIEW, all_or_nothing, animation_path
+from are_ros.replay.output_folder import METRICS, TIMING, VIEW, all_or_nothing, animation_path
 from are_ros.replay.pictures import (
     DECISIONS,
     animate,
@@ -147,6 +147,8 @@ def replay_command(say: Say, **options: Any) -> bool:
         is_filmed = False
         said.append(str(cause))
     finally:
+        with all_or_nothing(options["out"]):
+            write_json(options["out"] / TIMING, _timing(outcome))
         for line in [*summary(outcome, options["out"]), *said, *complaints(outcome)]:
             say(line)
     problems = outcome.refusals.counts, outcome.camera_problem, outcome.cloud_problem
@@ -159,7 +161,7 @@ def _is_bare(scans: SensorPathCounts) -> bool:
 
 
 def write_results(outcome: Outcome, folder: Path) -> None:
-    """Write picture, metrics, effective parameters, and the timing so far."""
+    """Write picture, metrics and effective parameters."""
     parameters = outcome.options.parameters
     with outcome.stopwatch.phase("picture"):
         draw_overview(
@@ -171,7 +173,6 @@ def write_results(outcome: Outcome, folder: Path) -> None:
         )
     (folder / "effective.yaml").write_text(write_ros_parameters(parameters), encoding="utf-8")
     write_json(folder / METRICS, _metrics(outcome))
-    write_json(folder / "timing.json", _timing(outcome))
 
 
 def write_replay_view(outcome: Outcome, folder: Path) -> list[str]:
@@ -186,10 +187,7 @@ def write_replay_view(outcome: Outcome, folder: Path) -> list[str]:
         parameters, camera = outcome.options.parameters, views[-1] if views else None
         place = place_of(parameters, outcome.grid, outcome.voxels, camera)
         title = outcome.options.bags[0].stem
-        view = write_view(folder / VIEW, place, outcome.record, title)
-    with all_or_nothing(folder):
-        write_json(folder / "timing.json", _timing(outcome))
-    return [view.sentence()]
+        return [write_view(folder / VIEW, place, outcome.record, title).sentence()]
 
 
 def summary(outcome: Outcome, folder: Path) -> list[str]:
@@ -202,9 +200,6 @@ def _animate(outcome: Outcome, film: Path, say: Say) -> None:
     threshold = outcome.options.parameters.world.occupied_threshold
     with outcome.stopwatch.phase("animation"):
         animate(outcome.record, outcome.grid, film, threshold, say)
-    if outcome.options.out is not None:
-        with all_or_nothing(outcome.options.out):
-            write_json(outcome.options.out / "timing.json", _timing(outcome))
 
 
 def _metrics(outcome: Outcome) -> Content:

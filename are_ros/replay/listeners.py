@@ -186,12 +186,8 @@ class RecordKeeper(Listener):
         """Return the cameras after the first whose pose is known."""
         if not self._builder.demand.perception:
             return []
-        found = []
-        for number, camera in enumerate(self._builder.cameras):
-            pose = self._builder.robots.map_from_camera(camera, stamp_ns) if camera else None
-            if number and camera is not None and pose is not None:
-                found.append(CameraAt(number, camera.view, pose))
-        return found
+        known = self._builder.cameras_at(stamp_ns)
+        return [CameraAt(number, camera.view, pose) for number, camera, pose in known if number]
 
     def take_readings(self, readings: Sequence[ReleasedReading]) -> None:
         """Remember laser scans until the next tick that is shown."""

@@ -12,8 +12,9 @@ from are_ros.wording import why_refused
 AUGMENTED: Final = "augmented.mcap"
 VIEW: Final = "view.html"
 METRICS: Final = "metrics.json"
+TIMING: Final = "timing.json"
 ANIMATION: Final = "animation.gif"
-RESULTS: Final = (AUGMENTED, "overview.png", VIEW, "effective.yaml", METRICS, "timing.json")
+RESULTS: Final = (AUGMENTED, "overview.png", VIEW, "effective.yaml", METRICS, TIMING)
 
 
 def prepare_folder(folder: Path) -> None:

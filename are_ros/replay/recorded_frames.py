@@ -1,11 +1,12 @@
 """Frames, robot and camera of a recording, as the node finds them: by tf, odometry, parameters."""
 
 from contextlib import suppress
-from typing import Any, Final
+from typing import Any
 
 from are_ros.builder.assembly import (
     chosen_camera,
     default_camera,
+    odometry_source,
     robot_tracker,
     set_static_frames,
 )
@@ -15,17 +16,11 @@ from are_ros.errors import FrameError
 from are_ros.messages.common import read_header
 from are_ros.messages.images.image import read_camera_info
 from are_ros.messages.transforms import OdometryNumbers, StampedTransform
-from are_ros.parameters.choices import CameraModel, OdometryUse
+from are_ros.parameters.choices import CameraModel
 from are_ros.parameters.model import Parameters
 from are_ros.world.cameras import Camera
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.transforms.table import TransformSource
 from are_ros.world.transforms.tree import FrameTree
-
-_SOURCES: Final = {
-    OdometryUse.AUTO: TransformSource.ODOMETRY,
-    OdometryUse.USE: TransformSource.PREFERRED_ODOMETRY,
-}
 
 
 class RecordedFrames:
@@ -37,7 +32,7 @@ class RecordedFrames:
     def __init__(self, parameters: Parameters, history_ns: int = 10 * NS_PER_S) -> None:
         self.tree = FrameTree(history_ns)
         self._parameters = parameters
-        self._source = _SOURCES.get(parameters.frames.odometry)
+        self._source = odometry_source(parameters)
         set_static_frames(parameters, self.tree)
 
     def base_frame(self) -> str:

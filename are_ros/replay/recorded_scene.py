@@ -30,7 +30,6 @@ from are_ros.replay.recorded_frames import RecordedRobot
 from are_ros.replay.scene_record import SceneRecorder
 from are_ros.world.cameras import Camera, ViewModel
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.transforms.tree import FrameTree
 from are_ros.world.voxel_map import VoxelMap
 
@@ -203,12 +202,8 @@ class SceneReader:
             return None
         try:
             points_m, size_m = read_voxels(self._cloud, CLOUD)
-            frame, stamp_ns = read_header(self._cloud, CLOUD).frame_id, 0
-            map_frame, tree = self._parameters.frames.map, self._robot.tree
-            pose = RigidTransform.identity()
-            if frame != map_frame:
-                stamp_ns = tree.latest_common_time(map_frame, frame)
-                pose = tree.lookup(map_frame, frame, stamp_ns)
+            frame, map_frame = read_header(self._cloud, CLOUD).frame_id, self._parameters.frames.map
+            pose = self._robot.tree.lookup_latest(map_frame, frame)
             wanted_m = self._parameters.world.voxel_size or None
             return VoxelMap.from_centres(points_m, size_m, pose, CLOUD, wanted_m)
         except AreError as error:

@@ -203,8 +203,8 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
         recorder.record(),
         grid,
         _octomap(builder),
-        builder.sensor_counts(),
-        builder.sensor_problems(),
+        builder.sensors.counts(),
+        builder.sensors.problems(),
         problem,
         _cloud_problem(builder),
         doubts,
@@ -412,12 +412,10 @@ def _upward_cameras(builder: ArBuilder, image_frames: Collection[str]) -> list[s
 
 def _pose_in(builder: ArBuilder, parent: str, child: str) -> npt.NDArray[np.float64]:
     """Return the newest pose of a frame in another as a matrix (4, 4), NaN where not known."""
-    tree = builder.frames
     try:
-        pose = tree.lookup(parent, child, tree.latest_common_time(parent, child))
+        return builder.frames.lookup_latest(parent, child).matrix()
     except FrameError:
         return np.full((4, 4), np.nan)
-    return pose.matrix()
 
 
 def _camera_topic(replay: Replay) -> str:

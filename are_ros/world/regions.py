@@ -1,7 +1,7 @@
 """Where artefacts may arrive: reachable or free space, or the weighted zones of a YAML file."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -14,11 +14,11 @@ from are_ros.errors import ParameterError
 from are_ros.parameters.choices import Region
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import cosine_and_sine
-from are_ros.yaml_text import read_yaml
+from are_ros.yaml_text import Fields, read_yaml
 
 _LISTS_OF_ZONES: Final = ("zones", "entrances", "exits")
-_FILE_FIELDS: Final = frozenset({*_LISTS_OF_ZONES, "no_spawn"})
-_ZONE_FIELDS: Final = frozenset({"name", "polygon", "weight"})
+_FILE_FIELDS: Final = ("entrances", "exits", "no_spawn", "zones")
+_ZONE_FIELDS: Final = ("name", "polygon", "weight")
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,14 +64,15 @@ def read_zones_file(path: Path) -> Zones:
     "zone N" ("entrance N", "exit N"), `weight` to 1. Raises `ParameterError` that names file,
     field and reason.
     """
-    content = _yaml_mapping(path)
-    _refuse_unknown(content, _FILE_FIELDS, str(path))
-    zones, entrances, exits = (_zones(content, field, path) for field in _LISTS_OF_ZONES)
-    no_spawn = [
-        _polygon(entry, f"{path}: no_spawn[{number}]")
-        for number, entry in enumerate(_list_of(content, "no_spawn", path))
-    ]
-    return Zones(zones, tuple(no_spawn), entrances, exits)
+    content = read_yaml(path, f"{path}: the zones file", ParameterError)
+    if not isinstance(content, dict):
+        names = ", ".join(_FILE_FIELDS)
+        raise ParameterError(f"{path}: the file must map some of {names} to lists")
+    document = Fields(str(path), content, _FILE_FIELDS, ParameterError)
+    zones, entrances, exits = (_zones(document, field) for field in _LISTS_OF_ZONES)
+    no_spawn = enumerate(_entries(document, "no_spawn"))
+    polygons_m = tuple(_polygon(document, f"no_spawn[{k}]", corners) for k, corners in no_spawn)
+    return Zones(zones, polygons_m, entrances, exits)
 
 
 def zone_weights(zones: Sequence[Zone], grid: OccupancyGrid) -> npt.NDArray[np.float32]:
@@ -118,66 +119,32 @@ def _toggle_right_of_edge(
         toggles[rows, np.clip(np.ceil(x), 0, width - 1).astype(np.int64)] ^= True
 
 
-def _yaml_mapping(path: Path) -> Mapping[str, Any]:
-    content = read_yaml(path, f"{path}: the zones file", ParameterError)
-    if not isinstance(content, dict):
-        names = ", ".join(sorted(_FILE_FIELDS))
-        raise ParameterError(f"{path}: the file must map some of {names} to lists")
-    return content
+def _entries(document: Fields, field: str) -> list[Any]:
+    entries = document.raw(field)
+    if not isinstance(entries, list | None):
+        document.refuse(field, "is no list")
+    return entries or []
 
 
-def _list_of(content: Mapping[str, Any], field: str, path: Path) -> list[Any]:
-    entries = content.get(field)
-    if entries is None:
-        return []
-    if not isinstance(entries, list):
-        raise ParameterError(f"{path}: {field} is no list")
-    return entries
-
-
-def _refuse_unknown(content: Mapping[Any, Any], known: frozenset[str], where: str) -> None:
-    unknown = sorted(str(name) for name in content if name not in known)
-    if unknown:
-        names = ", ".join(sorted(known))
-        raise ParameterError(f"{where}: {unknown[0]} is no field of it; these are: {names}")
-
-
-def _zones(content: Mapping[str, Any], field: str, path: Path) -> tuple[Zone, ...]:
+def _zones(document: Fields, field: str) -> tuple[Zone, ...]:
     """Return the zones of one list; those without a name take the list's, in the singular."""
-    entries = enumerate(_list_of(content, field, path))
-    singular = field.removesuffix("s")
-    return tuple(
-        _zone(entry, f"{path}: {field}[{number}]", f"{singular} {number}")
-        for number, entry in entries
-    )
+    zones = []
+    for number, entry in enumerate(_entries(document, field)):
+        given = document.inner(f"{field}[{number}]", entry, _ZONE_FIELDS)
+        name = given.text("name", f"{field.removesuffix('s')} {number}")
+        polygon_m = _polygon(given, "polygon", given.raw("polygon"))
+        zones.append(Zone(name, polygon_m, given.number("weight", 1.0, positive=True)))
+    return tuple(zones)
 
 
-def _zone(entry: Any, where: str, default_name: str) -> Zone:
-    if not isinstance(entry, dict):
-        raise ParameterError(f"{where} is no mapping of name, polygon and weight")
-    _refuse_unknown(entry, _ZONE_FIELDS, where)
-    name = entry.get("name", default_name)
-    if not isinstance(name, str):
-        raise ParameterError(f"{where}.name is {name!r}, not a text")
-    weight = entry.get("weight", 1.0)
-    if not (_is_number(weight) and weight > 0.0):
-        raise ParameterError(f"{where}.weight is {weight!r}, not a finite number above 0")
-    return Zone(name, _polygon(entry.get("polygon"), f"{where}.polygon"), float(weight))
-
-
-def _polygon(corners: Any, where: str) -> npt.NDArray[np.float64]:
+def _polygon(given: Fields, field: str, corners: object) -> npt.NDArray[np.float64]:
     if not isinstance(corners, list) or len(corners) < 3:
-        raise ParameterError(f"{where} is no list of at least three corners [x, y]")
-    for number, corner in enumerate(corners):
-        if not (isinstance(corner, list) and len(corner) == 2 and all(map(_is_number, corner))):
-            raise ParameterError(f"{where}[{number}] is {corner!r}, not two finite numbers [x, y]")
-    polygon_m = np.array(corners, dtype=np.float64)
+        given.refuse(field, "is no list of at least three corners [x, y]")
+    polygon_m = np.array(
+        [given.vector(f"{field}[{k}]", xy, "x, y") for k, xy in enumerate(corners)]
+    )
     polygon_m.flags.writeable = False
     return polygon_m
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 SNAP_M: Final = 1.0

@@ -646,7 +646,7 @@ def test_a_jump_back_after_a_scan_is_a_jump_too(scene: Scene) -> None:
     scene.scan(1.3)
     scene.robot(0.1, 1.5, 2.0)
     assert len(scene.builder.notices) == 1
-    assert scene.builder.sensor_counts()["scan"].passed_through == 0
+    assert scene.builder.sensors.counts()["scan"].passed_through == 0
     tick = scene.tick(0.2)
     assert tick.artefacts == ()
     assert tick.map_from_base.translation_m[0] == 1.5
@@ -698,7 +698,7 @@ def test_a_scan_meets_the_artefacts_of_its_own_stamp(scene: Scene) -> None:
     changed = np.flatnonzero(other.reading.ranges != late.ranges)
     assert 0 < len(changed) < 30
     assert (other.reading.intensities[changed] == 0.0).all()
-    assert scene.builder.sensor_counts()["scan"].exact == 2
+    assert scene.builder.sensors.counts()["scan"].exact == 2
 
 
 @pytest.mark.parametrize(
@@ -727,7 +727,7 @@ def test_the_inputs_end_and_what_waits_is_released(scene: Scene) -> None:
     (released,) = scene.builder.take_readings()
     assert released.reading is scan
     assert not released.is_augmented
-    assert "never seen" in scene.builder.sensor_problems()["scan"]
+    assert "never seen" in scene.builder.sensors.problems()["scan"]
 
 
 # --- what nobody wants

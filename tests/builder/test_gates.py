@@ -1,12 +1,11 @@
-"""Which artefacts pass the gate: perceived now, remembered, or all."""
+"""Which artefacts pass the gate: perceived now, or remembered."""
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from are_ros.builder.costmap.augmented_map import GateMemory, OpenGate, gate_of
+from are_ros.builder.costmap.augmented_map import GateMemory
 from are_ros.errors import ParameterError
-from are_ros.parameters.choices import CostmapGate
 
 IDS = st.frozensets(st.integers(0, 5))
 TICKS = st.lists(st.tuples(st.integers(-3, 4), IDS, IDS), max_size=25)
@@ -68,17 +67,6 @@ def test_any_history_obeys_the_definition(
                     expected.append(artefact_id)
                     break
         assert gate.admitted(now_ns, dict.fromkeys(perceived, now_ns), alive) == tuple(expected)
-
-
-def test_open_gate_admits_all_the_living() -> None:
-    """Perceived or not, ascending, once each."""
-    assert OpenGate().admitted(0, {9: 0}, [3, 1, 3]) == (1, 3)
-
-
-def test_kind_chooses_the_gate() -> None:
-    """The parameter's spelling gives the kind, and the kind the gate."""
-    assert isinstance(gate_of(CostmapGate("all"), 5), OpenGate)
-    assert isinstance(gate_of(CostmapGate("perceived"), 5), GateMemory)
 
 
 def test_negative_memory_is_refused() -> None:

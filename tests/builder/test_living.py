@@ -163,8 +163,8 @@ def test_nobody_overlaps_in_a_crowd_at_a_door() -> None:
     record = town.run(0.0, 10.0)
     assert len(town.lives.population.living) > 15
     assert_apart(town, record)
-    assert town.lives.displaced == 0
-    assert town.lives.motion_counts.moving_steps > 1000
+    assert town.lives.crowd.counts.displaced == 0
+    assert town.lives.crowd.counts.moving_steps > 1000
 
 
 def test_one_that_stands_is_not_moved_by_those_who_walk() -> None:

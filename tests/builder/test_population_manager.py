@@ -8,7 +8,7 @@ import pytest
 
 from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.builder.population_manager import population_of
-from are_ros.errors import ParameterError, PlacementError
+from are_ros.errors import FrameError, ParameterError, PlacementError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.population.artefact import GroundPose, boxes_of
@@ -141,7 +141,7 @@ def test_arrivals_overlap_nothing_at_the_instant_they_come(
         robot = scene.builder.robots.last.footprint
         assert (signed_distance_m(robot, boxes) >= 0.1 - 1e-9).all()
     assert lives.population.counts.arrived > 15
-    assert lives.displaced == 0
+    assert lives.crowd.counts.displaced == 0
 
 
 def busy_run(scene: Scene, late_s: float) -> list[ArtefactEvent]:
@@ -219,6 +219,15 @@ def test_nobody_arrives_at_the_robots_goal(make_scene: Make) -> None:
     assert arrival_distances(scene, 120.0, (2.5, 2.5)).min() < 0.8
 
 
+def test_a_plan_in_the_maps_frame_needs_no_transform(make_scene: Make) -> None:
+    """It is where it says; a plan in a frame that nobody knows is refused, and changes nothing."""
+    scene, plan_m = make_scene(), np.array([[1.0, 1.0, 0.0], [2.5, 2.0, 0.0]])
+    scene.builder.receive_plan(plan_m, "map", scene.ns(0.0))
+    with pytest.raises(FrameError, match="never seen"):
+        scene.builder.receive_plan(plan_m + 1.0, "odom", scene.ns(0.1))
+    np.testing.assert_array_equal(scene.builder.lives.plan_m, plan_m[:, :2])
+
+
 def arrival_distances(scene: Scene, until_s: float, point: tuple[float, float]) -> Any:
     """Return how far from a point the middles of those who arrive come to stand."""
     lives, distances = scene.builder.lives, []
@@ -271,7 +280,7 @@ def test_a_wall_that_appears_moves_the_artefact_aside(scene: Scene) -> None:
     assert (moved.kind, moved.artefact_id) == (EventKind.DISPLACED, artefact_id)
     assert moved.value == pytest.approx(np.hypot(pose.x_m - 2.5, pose.y_m - 2.0))
     assert 0.1 <= moved.value <= 0.3
-    assert scene.builder.lives.displaced == 1
+    assert scene.builder.lives.crowd.counts.displaced == 1
 
 
 def test_an_artefact_without_a_place_leaves(make_scene: Make) -> None:
@@ -286,7 +295,7 @@ def test_an_artefact_without_a_place_leaves(make_scene: Make) -> None:
         (EventKind.ARRIVED, ""),
         (EventKind.DEPARTED, "displaced"),
     ]
-    assert scene.builder.lives.displaced == 1
+    assert scene.builder.lives.crowd.counts.displaced == 1
 
 
 @pytest.mark.parametrize("policy", ["displace", "hold", "remove", "auto"])
@@ -305,7 +314,7 @@ def test_a_robot_that_drives_into_an_artefact(make_scene: Make, policy: str) -> 
     assert [(c.artefact_id, c.detail) for c in contacts] == [(artefact_id, "robot")]
     assert contacts[0].value == pytest.approx(0.05)
     assert contacts[0].stamp_ns == scene.ns(0.15)
-    assert lives.robot_contacts == 1
+    assert lives.crowd.contacts.count == 1
     after = kinds(events)[-1]
     if policy == "remove":
         assert after == (EventKind.DEPARTED, "robot_contact")
@@ -323,7 +332,7 @@ def test_a_second_contact_is_another_contact(scene: Scene) -> None:
     for step, x in enumerate((1.65, 1.65, 1.0, 1.0, 1.65, 1.65)):
         scene.robot(0.1 * (step + 1), x, 2.0)
     scene.builder.advance(scene.ns(0.7))
-    assert scene.builder.lives.robot_contacts == 2
+    assert scene.builder.lives.crowd.contacts.count == 2
 
 
 # --- independence of how often it is asked
@@ -359,7 +368,7 @@ def test_sub_steps_are_counted_for_all_who_live(scene: Scene) -> None:
     scene.place(0, (2.5, 2.0), 0.02)
     scene.place(0, (3.2, 2.0), 0.52)
     scene.builder.advance(scene.ns(1.01))
-    counts = scene.builder.lives.motion_counts
+    counts = scene.builder.lives.crowd.counts
     assert counts.artefact_steps == 20 + 10
     assert (counts.moving_steps, counts.moved_back, counts.displaced) == (0, 0, 0)
 

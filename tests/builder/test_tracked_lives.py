@@ -50,7 +50,7 @@ def test_a_jump_is_said_and_counted(scripted: Callable[[str], Scene]) -> None:
     assert (event.kind, event.detail) == (EventKind.DISPLACED, "moved")
     assert event.value == pytest.approx(0.5)
     assert event.stamp_ns == scene.ns(1.25)
-    assert scene.builder.lives.displaced == 1
+    assert scene.builder.lives.crowd.counts.displaced == 1
 
 
 def test_a_life_that_ends_with_a_sub_step_ends_before_it(scripted: Callable[[str], Scene]) -> None:
@@ -59,4 +59,4 @@ def test_a_life_that_ends_with_a_sub_step_ends_before_it(scripted: Callable[[str
     scene = scripted(CRATE % (0.1, "displaced", poses))
     (departed,) = told(scene, 1.0)
     assert (departed.kind, departed.stamp_ns) == (EventKind.DEPARTED, scene.ns(0.2))
-    assert scene.builder.lives.displaced == 1
+    assert scene.builder.lives.crowd.counts.displaced == 1

@@ -200,7 +200,7 @@ def test_depth_images_wait_for_their_camera_info_and_go_out_with_it(rig: Rig) ->
     sent = [data for _, data in rig.outlet.sent]
     found = [deserialize_message(d, message_class(t)) for d, t in zip(sent, types, strict=True)]
     assert found == [info, image]
-    assert rig.live.builder.sensor_counts() == {"/camera/depth": SensorPathCounts(exact=1)}
+    assert rig.live.builder.sensors.counts() == {"/camera/depth": SensorPathCounts(exact=1)}
     rig.live.pause(ns(10.1))
     rig.outlet.sent.clear()
     rig.store("camera/depth", image, 10.2)
@@ -417,7 +417,7 @@ def test_a_scan_waits_no_longer_than_it_may(rig: Rig) -> None:
     assert rig.stamps("scan") == []
     rig.work(10.15)
     assert rig.stamps("scan") == [10_400]
-    assert rig.live.builder.sensor_counts()["/scan"].passed_through == 1
+    assert rig.live.builder.sensors.counts()["/scan"].passed_through == 1
 
 
 @pytest.mark.parametrize("is_simulated", [False, True])
@@ -436,7 +436,7 @@ def test_what_came_in_a_stall_counts_for_the_scans_of_before_it(
     (message,) = rig.outlet.take("scan")
     assert min(message.ranges) == pytest.approx(1.8, abs=0.01)
     assert [role for role, _ in rig.inbox.held] == ["plan"]
-    assert rig.live.builder.sensor_counts()["/scan"] == SensorPathCounts(exact=1)
+    assert rig.live.builder.sensors.counts()["/scan"] == SensorPathCounts(exact=1)
 
 
 def test_what_was_stored_in_a_stall_counts_too(rig: Rig) -> None:
@@ -447,7 +447,7 @@ def test_what_was_stored_in_a_stall_counts_too(rig: Rig) -> None:
     rig.store("scan", scan(10.4), 10.5)
     rig.store("tf", robot_at(10.1), 10.5)
     rig.work(10.5)
-    assert rig.live.builder.sensor_counts()["/scan"] == SensorPathCounts(exact=1)
+    assert rig.live.builder.sensors.counts()["/scan"] == SensorPathCounts(exact=1)
 
 
 def test_a_process_that_was_stopped_listens_before_it_judges(rig: Rig) -> None:
@@ -465,7 +465,7 @@ def test_a_process_that_was_stopped_listens_before_it_judges(rig: Rig) -> None:
     assert rig.outlet.take("scan") == []
     rig.inbox.held = [("tf", robot_at(10.1))]
     rig.work(10.61)
-    assert rig.live.builder.sensor_counts()["/scan"] == SensorPathCounts(exact=1)
+    assert rig.live.builder.sensors.counts()["/scan"] == SensorPathCounts(exact=1)
 
 
 def test_who_is_always_late_lets_scans_go_after_a_second(rig: Rig) -> None:
@@ -480,7 +480,7 @@ def test_who_is_always_late_lets_scans_go_after_a_second(rig: Rig) -> None:
         if rig.outlet.take("scan"):
             break
     assert t_s == looks_s[-1]
-    assert rig.live.builder.sensor_counts()["/scan"] == SensorPathCounts(passed_through=1)
+    assert rig.live.builder.sensors.counts()["/scan"] == SensorPathCounts(passed_through=1)
 
 
 def test_a_scan_that_waits_leaves_before_the_pause(rig: Rig) -> None:

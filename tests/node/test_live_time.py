@@ -246,7 +246,7 @@ def test_what_dds_holds_is_read_before_a_scan_goes_out_bare(
     time.sleep(0.4)
     bench.until(lambda: scans)
     assert bench.node.live is not None
-    assert bench.node.live.builder.sensor_counts()["/scan"] == SensorPathCounts(exact=1)
+    assert bench.node.live.builder.sensors.counts()["/scan"] == SensorPathCounts(exact=1)
     assert bench.node._inputs is not None
     heard = bench.node._inputs.watches["/tf"]
     bench.until(lambda: heard.count == 41)

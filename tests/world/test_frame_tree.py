@@ -116,6 +116,17 @@ def test_the_latest_time_is_the_slowest_edges() -> None:
     assert tree.latest_before("laser", "base", 7) == 7
 
 
+def test_the_newest_pose_is_that_at_the_latest_common_time() -> None:
+    """An edge that goes on does not matter; a frame in itself is the identity, known or not."""
+    tree = moving()
+    put(tree, "odom", "base", 2.7)
+    newest = tree.lookup_latest("map", "laser").matrix()
+    np.testing.assert_array_equal(newest, tree.lookup("map", "laser", 2 * S).matrix())
+    np.testing.assert_array_equal(tree.lookup_latest("sofa", "sofa").matrix(), np.eye(4))
+    with pytest.raises(UnknownFrameError, match="'sofa' was never seen"):
+        tree.lookup_latest("map", "sofa")
+
+
 def test_samples_of_the_future_do_not_spoil_a_tick() -> None:
     """An edge stamped beyond now allows now itself; a slower one sets the time."""
     tree = moving()

@@ -71,7 +71,3 @@ class Delay:
         paths = None if perception.paths is None else ()
         stamp_ns = max(due_ns, 0)  # a simulation's clock begins at 0, and ROS knows no time before
         return Perception(stamp_ns, (), OrientedBoxes.empty(), paths, perception.step_ns)
-
-    def clear(self) -> None:
-        """Forget all."""
-        self._waiting.clear()

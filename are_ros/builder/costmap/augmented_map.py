@@ -20,7 +20,6 @@ from are_ros.builder.costmap.registration import (
 )
 from are_ros.conventions import NS_PER_S, OCCUPIED
 from are_ros.errors import InputError, ParameterError
-from are_ros.parameters.choices import CostmapGate
 from are_ros.world.environment import Environment
 from are_ros.world.occupancy_grid import OccupancyGrid
 
@@ -269,7 +268,7 @@ def _like(grid: OccupancyGrid, stamp_ns: int, cells: np.ndarray) -> OccupancyGri
     return OccupancyGrid(cells, grid.resolution_m, grid.origin, grid.frame_id, stamp_ns)
 
 
-# Which artefacts the grids show: those perceived, or all (section 3.3, costmap.gate).
+# Which artefacts the grids show unless costmap.gate says all (section 3.3).
 
 
 class GateMemory:
@@ -305,19 +304,3 @@ class GateMemory:
             for i, ns in self._last_seen_ns.items()
             if i in perceived_ns or now_ns - ns <= self._memory_ns
         )
-
-
-class OpenGate:
-    """Admits every living artefact."""
-
-    def admitted(
-        self, now_ns: int, perceived_ns: Mapping[int, int], alive_ids: Iterable[int]
-    ) -> tuple[int, ...]:
-        """Return the ids of the living, ascending."""
-        del now_ns, perceived_ns
-        return tuple(sorted(set(alive_ids)))
-
-
-def gate_of(gate: CostmapGate, memory_ns: int) -> GateMemory | OpenGate:
-    """Return the gate of this kind; the memory matters to `CostmapGate.PERCEIVED` only."""
-    return GateMemory(memory_ns) if gate is CostmapGate.PERCEIVED else OpenGate()

@@ -1,11 +1,9 @@
 """Reading a catalogue of artefacts from YAML; each error names file, row, field and reason."""
 
-import math
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict
-from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, Final, NoReturn
+from typing import Any, Final
 
 from are_ros.agents.behaviours.registry import BEHAVIOURS, why_not
 from are_ros.agents.local_planner.body import PLANNERS
@@ -20,130 +18,7 @@ from are_ros.population.catalogue import (
 )
 from are_ros.population.meshes.geometry import BoxGeometry, file_geometry, shape_geometry
 from are_ros.population.meshes.shapes import Shape
-from are_ros.yaml_text import read_yaml
-
-_KINDS: Mapping[type, str] = {
-    bool: "true or false",
-    int: "a number",
-    float: "a number",
-    str: "text",
-    list: "a list",
-    dict: "a mapping",
-    type(None): "nothing",
-}
-
-
-class Fields:
-    """The values of one YAML mapping, with typed access; errors name its place in the file."""
-
-    def __init__(self, place: str, values: object, known: Collection[str], path: str = "") -> None:
-        """Take a mapping as YAML gives it (None counts as an empty one).
-
-        Raises CatalogueError if it is no mapping, or has an unknown key.
-        """
-        self._place = place
-        self._path = path
-        self._values: dict[Any, Any] = {}
-        if values is not None:
-            self._values = _mapping(place, values, path)
-        for key in self._values:
-            if key not in known:
-                self.refuse(str(key), f"is not known{_nearest(str(key), known)}")
-
-    def __contains__(self, key: str) -> bool:
-        return key in self._values
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._values)
-
-    def refuse(self, key: str, reason: str) -> NoReturn:
-        """Raise CatalogueError about a field."""
-        raise CatalogueError(f"{self._place}: {self._path}{key} {reason}")
-
-    def text(self, key: str, default: str | None = None) -> str:
-        """Return a text, which must not be empty."""
-        if default is not None and key not in self._values:
-            return default
-        value = self._get(key, str)
-        if not value.strip():
-            self.refuse(key, "is empty")
-        return str(value)
-
-    def choice(self, key: str, known: Collection[str], default: str | None = None) -> str:
-        """Return a text, which must be one of the known ones."""
-        if default is not None and key not in self._values:
-            return default
-        value = self.text(key)
-        if value not in known:
-            self.refuse(key, f"is {value!r}, which is not known{_nearest(value, known)}")
-        return value
-
-    def flag(self, key: str, *, default: bool) -> bool:
-        """Return true or false."""
-        return bool(self._get(key, bool)) if key in self._values else default
-
-    def number(self, key: str, default: float | None = None, *, positive: bool = False) -> float:
-        """Return a finite number >= 0; with `positive`, > 0."""
-        if default is not None and key not in self._values:
-            return default
-        return self._checked(key, self._get(key, float), positive=positive)
-
-    def numbers(self, key: str, counts: Collection[int], *, positive: bool = False) -> list[float]:
-        """Return a list of finite numbers >= 0, whose length is one of `counts`."""
-        values = self._get(key, list)
-        if len(values) not in counts:
-            wanted = " or ".join(str(count) for count in counts)
-            self.refuse(key, f"has {len(values)} numbers, but {wanted} are needed")
-        return [
-            self._checked(f"{key}[{i}]", value, positive=positive) for i, value in enumerate(values)
-        ]
-
-    def raw(self, key: str) -> object:
-        """Return a value unchecked, None if it is not given."""
-        return self._values.get(key)
-
-    def section(self, key: str, known: Collection[str]) -> "Fields":
-        """Return a mapping inside this one; empty if it is not given."""
-        return Fields(self._place, self._values.get(key), known, f"{self._path}{key}.")
-
-    def _get(self, key: str, kind: type) -> Any:
-        if key not in self._values:
-            self.refuse(key, "is missing")
-        value = self._values[key]
-        self._check_kind(key, value, kind)
-        return value
-
-    def _check_kind(self, key: str, value: object, kind: type) -> None:
-        kinds = (int, float) if kind is float else (kind,)
-        if not isinstance(value, kinds) or (isinstance(value, bool) and kind is not bool):
-            self.refuse(key, f"is {value!r}, but {_KINDS[kind]} is needed")
-
-    def _checked(self, key: str, value: object, *, positive: bool) -> float:
-        self._check_kind(key, value, float)
-        number = float(value)  # type: ignore[arg-type]  # just checked
-        if not math.isfinite(number):
-            self.refuse(key, f"is {number}, but a finite number is needed")
-        if number < 0.0 or (positive and number == 0.0):
-            self.refuse(key, f"is {number:g}, but must be {'positive' if positive else '>= 0'}")
-        return number
-
-
-def _mapping(place: str, values: object, path: str) -> dict[Any, Any]:
-    """Return `values` if it is a mapping."""
-    if isinstance(values, dict):
-        return values
-    subject = f" {path.rstrip('.')}" if path else ""
-    found = _KINDS.get(type(values), type(values).__name__)
-    raise CatalogueError(f"{place}:{subject} is {found}, but a mapping is needed")
-
-
-def _nearest(word: str, known: Collection[str]) -> str:
-    """Return a hint with the nearest known word, or with all of them if none is near."""
-    near = get_close_matches(word, known, n=1)
-    if near:
-        return f"; did you mean {near[0]!r}?"
-    return f"; known are {', '.join(known)}"
-
+from are_ros.yaml_text import Fields, read_yaml
 
 SHIPPED_CATALOGUE: Final = Path(__file__).parent / "catalogue.yaml"
 
@@ -176,7 +51,7 @@ def read_catalogue(path: Path = SHIPPED_CATALOGUE) -> Catalogue:
     too, for their boxes; built-in shapes are not computed.
     """
     content = read_yaml(path, f"the catalogue {path}", CatalogueError)
-    document = Fields(str(path), content, ("classes", "rows"))
+    document = Fields(str(path), content, ("classes", "rows"), CatalogueError)
     names = document.raw("classes")
     if not isinstance(names, dict) or not names:
         document.refuse("classes", "must map the name of each class to its defaults")
@@ -193,7 +68,7 @@ def read_catalogue(path: Path = SHIPPED_CATALOGUE) -> Catalogue:
 def _class_defaults(path: Path, name: str, values: object) -> dict[str, Any]:
     """Check the defaults of a class on their own, so that an error names the class."""
     place = f"{path}: class {name!r}"
-    given = Fields(place, values, _CLASS_KEYS)
+    given = Fields(place, values, _CLASS_KEYS, CatalogueError)
     if "shape" in given:
         given.choice("shape", _SHAPES)
     _shared_fields(given)
@@ -206,11 +81,11 @@ def _row(
     """Read one row, with the defaults of its class."""
     label = entry.get("label") if isinstance(entry, dict) else None
     place = f"{path}: row {index}" + (f" ({label})" if isinstance(label, str) else "")
-    own = Fields(place, entry, _ROW_KEYS)
+    own = Fields(place, entry, _ROW_KEYS, CatalogueError)
     own.text("label")
     class_name = own.choice("class", tuple(classes))
     _shared_fields(own)
-    given = Fields(place, _merged(classes[class_name], own), _ROW_KEYS)
+    given = Fields(place, _merged(classes[class_name], own), _ROW_KEYS, CatalogueError)
     surface, geometry = _geometry(path, place, own, given)
     shared = _shared_fields(given)
     _check_moves(given, shared)

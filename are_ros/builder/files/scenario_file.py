@@ -7,14 +7,15 @@ import csv
 import math
 from array import array
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 import yaml
 
 from are_ros.agents.behaviours.along_way import AlongWay
@@ -22,7 +23,6 @@ from are_ros.agents.behaviours.following import Following
 from are_ros.agents.behaviours.registry import why_not
 from are_ros.agents.behaviours.situation import Standing
 from are_ros.agents.local_planner.user_planners import why_not as why_no_planner
-from are_ros.builder.files.catalogue_file import Fields
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import CatalogueError, ScenarioError
 from are_ros.population.artefact import GroundPose, Origin
@@ -30,7 +30,7 @@ from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.population.departures import Cause
 from are_ros.population.scenario import Scenario, ScriptedArtefact, Track
 from are_ros.wording import why_refused
-from are_ros.yaml_text import read_yaml
+from are_ros.yaml_text import Fields, read_yaml
 
 _KEY: Final = "artefact"
 _TIME: Final = "t_s"
@@ -183,19 +183,18 @@ def read_scenario(path: Path, catalogue: Catalogue) -> Scenario:
     whatever is wrong.
     """
     content = read_yaml(path, f"the scenario {path}", ScenarioError)
-    with _as_scenario_errors():
-        document = Fields(str(path), content, ("scenario", "artefacts"))
-        head = document.section("scenario", ("name", "random"))
-        entries = document.raw("artefacts")
-        if not isinstance(entries, list):
-            document.refuse("artefacts", "must be a list of artefacts; it may be empty")
-        files = _TrackFiles(path.parent)
-        artefacts = [
-            _artefact(Fields(_place(path, index, entry), entry, _KEYS), catalogue, files)
-            for index, entry in enumerate(entries)
-        ]
-        name = head.text("name", "")
-        random = head.flag("random", default=True)
+    document = Fields(str(path), content, ("scenario", "artefacts"), ScenarioError)
+    head = document.section("scenario", ("name", "random"))
+    entries = document.raw("artefacts")
+    if not isinstance(entries, list):
+        document.refuse("artefacts", "must be a list of artefacts; it may be empty")
+    files = _TrackFiles(path.parent)
+    artefacts = [
+        _artefact(Fields(_place(path, index, entry), entry, _KEYS, ScenarioError), catalogue, files)
+        for index, entry in enumerate(entries)
+    ]
+    name = head.text("name", "")
+    random = head.flag("random", default=True)
     try:
         return Scenario(tuple(artefacts), random, name)
     except ScenarioError as cause:
@@ -229,15 +228,6 @@ def write_scenario(scenario: Scenario, path: Path) -> list[Path]:
     except OSError as cause:
         raise ScenarioError(f"{path} cannot be written ({why_refused(cause)})") from cause
     return [path, sidecar] if tracks else [path]
-
-
-@contextmanager
-def _as_scenario_errors() -> Iterator[None]:
-    """Raise errors of fields and of the catalogue as errors of the scenario."""
-    try:
-        yield
-    except CatalogueError as cause:
-        raise ScenarioError(str(cause)) from cause
 
 
 def _place(path: Path, index: int, entry: object) -> str:
@@ -323,7 +313,7 @@ class _TrackFiles:
 
 
 def _artefact(given: Fields, catalogue: Catalogue, files: _TrackFiles) -> ScriptedArtefact:
-    """Read one artefact; CatalogueError, with its place and field, for whatever is wrong."""
+    """Read one artefact; ScenarioError, with its place and field, for whatever is wrong."""
     _check_movements(given)
     row = _row(given, catalogue)
     name = given.text("name", "")
@@ -404,7 +394,7 @@ def _ns(given: Fields, key: str, value: object) -> int:
 def _pose(given: Fields) -> GroundPose:
     if "at" not in given:
         given.refuse("at", "is missing: [x, y, yaw] in the map's frame, or a track")
-    x_m, y_m, yaw_rad = _numbers(given, "at", given.raw("at"), "x, y, yaw")
+    x_m, y_m, yaw_rad = given.vector("at", given.raw("at"), "x, y, yaw")
     return GroundPose(x_m, y_m, 0.0, yaw_rad)
 
 
@@ -436,7 +426,7 @@ def _way(given: Fields) -> tuple[tuple[float, float], ...]:
     points = given.raw("way")
     if not isinstance(points, list) or not points:
         given.refuse("way", f"is {points!r}, but a list of points [x, y] is needed")
-    way = [_numbers(given, f"way[{k}]", point, "x, y") for k, point in enumerate(points)]
+    way = [given.vector(f"way[{k}]", point, "x, y") for k, point in enumerate(points)]
     return tuple((x_m, y_m) for x_m, y_m in way)
 
 
@@ -468,15 +458,21 @@ def _track(given: Fields, files: _TrackFiles, artefact_id: int | None, name: str
         return None
     value = given.raw("track")
     keys = [text for text in (str(artefact_id or ""), name) if text]
+    make: Callable[[], Track]
+    if isinstance(value, str):
+        make = partial(files.track, value, tuple(keys))
+    else:
+        make = partial(Track, *_inline_poses(given, value))
     try:
-        if isinstance(value, str):
-            return files.track(value, tuple(keys))
-        return _inline_track(given, value)
+        return make()
     except ScenarioError as cause:
         given.refuse("track", f"cannot be used: {cause}")
 
 
-def _inline_track(given: Fields, value: Any) -> Track:
+def _inline_poses(
+    given: Fields, value: object
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+    """Return the times (N,) [ns] and the poses (N, 4) of a track that is given in place."""
     if not isinstance(value, list):
         given.refuse("track", f"is {value!r}, but a file or a list of [t, x, y, z, yaw] is needed")
     times_ns, poses = [], []
@@ -486,17 +482,5 @@ def _inline_track(given: Fields, value: Any) -> Track:
                 f"track[{k}]", f"is {entry!r}, but five numbers t, x, y, z, yaw are needed"
             )
         times_ns.append(_ns(given, f"track[{k}], time,", entry[0]))
-        poses.append(_numbers(given, f"track[{k}]", entry[1:], "x, y, z, yaw"))
-    return Track(np.array(times_ns, np.int64), np.array(poses, np.float64).reshape(-1, 4))
-
-
-def _numbers(given: Fields, key: str, values: Any, names: str) -> list[float]:
-    """Return as many finite numbers as there are names."""
-    count = names.count(",") + 1
-    if not isinstance(values, list) or len(values) != count:
-        given.refuse(key, f"is {values!r}, but {count} numbers are needed: {names}")
-    for value in values:
-        is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not is_number or not math.isfinite(value):
-            given.refuse(key, f"is {values!r}, but {value!r} in it is no finite number")
-    return [float(value) for value in values]
+        poses.append(given.vector(f"track[{k}]", entry[1:], "x, y, z, yaw"))
+    return np.array(times_ns, np.int64), np.array(poses, np.float64).reshape(-1, 4)

@@ -100,18 +100,6 @@ class Surface:
         corners_m: Floats = self.points_m[self.indices]
         return corners_m
 
-    @classmethod
-    def of(
-        cls,
-        corners_m: npt.NDArray[np.float64],
-        colours: npt.NDArray[np.float64],
-        *,
-        is_closed: bool = False,
-    ) -> "Surface":
-        """Return a surface of corners (F, 3, 3) [m] and sRGB colours (F, 3) of faces in [0, 1]."""
-        plain = DrawnMesh.plain(corners_m, np.repeat(colours[:, np.newaxis], 3, axis=1))
-        return cls.of_mesh(replace(plain, is_closed=is_closed))
-
 
 def to_linear(srgb: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
     """Return linear intensities of sRGB values in [0, 1] (IEC 61966-2-1)."""

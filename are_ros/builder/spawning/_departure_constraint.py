@@ -5,7 +5,7 @@ some metres, and a free first arc; between two walls it could never move.
 """
 
 from functools import cached_property
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -38,38 +38,15 @@ _CERTAIN_HIT: Final = 0.25
 _HIT: Final = -1.0
 
 
-class DepartureConstraint(Protocol):
-    """Tells from which poses an artefact can depart, according to the static map."""
+class DepartureConstraint:
+    """Tells from which poses an artefact can depart, according to the static map.
 
-    radius_m: float
-    """Radius of a disc about F_A that is free at every such pose."""
-
-    @property
-    def is_searched_for(self) -> bool:
-        """Whether the whole pose lattice is searched; then a free disc is sufficient."""
-
-    @property
-    def key(self) -> tuple[float, ...]:
-        """What distinguishes two constraints in one environment, except the shape of the box."""
-
-    @property
-    def is_anywhere(self) -> bool:
-        """Whether any place of the map meets the constraint."""
-
-    def is_free_at(self, points_m: _Floats) -> _Mask:
-        """Tell at which points (N, >= 2) the disc is free, in a large enough part: bool (N,)."""
-
-    def leads_out(self, poses: _Floats) -> _Mask:
-        """Tell from which poses (N, 4), x, y, 0, yaw, at such points it can depart: bool (N,)."""
-
-
-class RotationCheck:
-    """A `DepartureConstraint`: the disc about F_A that the box sweeps when it rotates is free.
-
-    `region` bool (H, W) are the cells that the artefact may be in.
+    The disc of `radius_m` about F_A is free: a body that rotates on the spot sweeps it. `region`
+    bool (H, W) are the cells that the artefact may be in.
     """
 
     is_searched_for = True
+    """Whether the whole pose lattice is searched; then a free disc is sufficient."""
 
     def __init__(self, terrain: Terrain, radius_m: float, region: _Mask) -> None:
         self.radius_m = radius_m
@@ -78,22 +55,26 @@ class RotationCheck:
 
     @property
     def key(self) -> tuple[float, ...]:
+        """What distinguishes two constraints in one environment, except the shape of the box."""
         return (self.radius_m, self._terrain.height_m)
 
     @cached_property
     def is_anywhere(self) -> bool:
+        """Whether any place of the map meets the constraint."""
         field, unit_m = self._terrain.clearance_m, self._terrain.grid.resolution_m
         return bool((exact_room(field, self.radius_m, unit_m)[self._region] > 0.0).any())
 
     def is_free_at(self, points_m: _Floats) -> _Mask:
+        """Tell at which points (N, >= 2) the disc is free, in a large enough part: bool (N,)."""
         terrain = self._terrain
         return discs_are_free(terrain.clearance_m, terrain.lattice, points_m, self.radius_m)
 
     def leads_out(self, poses: _Floats) -> _Mask:
+        """Tell from which poses (N, 4), x, y, 0, yaw, at such points it can depart: bool (N,)."""
         return np.ones(len(poses), np.bool_)
 
 
-class ConnectedFreeSpace(RotationCheck):
+class ConnectedFreeSpace(DepartureConstraint):
     """The disc is free, and in a connected part of the free space that is large enough for a trip.
 
     Such a part is at least `extent_m` long, along the grid's axes, and has a cell of `region`.
@@ -283,5 +264,5 @@ def departure_constraint_of(
     body = Body.of(row)
     terrain = terrains.of(environment, body.height_m)
     if body.turn_radius_m <= 0.0:
-        return RotationCheck(terrain, body.radius_m, region)
+        return DepartureConstraint(terrain, body.radius_m, region)
     return VehicleDepartureCheck(terrain, body, NavigationProfile.of(row, body).radius_m, region)

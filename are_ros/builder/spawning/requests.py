@@ -107,17 +107,12 @@ class Requests:
 
     def _ground_pose(self, request: SpawnRequest, row: CatalogueRow) -> GroundPose:
         """Return the pose in the map frame, on the ground."""
-        map_from_pose = self._map_from(request.frame_id) @ request.frame_from_pose
+        map_frame = self._simulation.parameters.frames.map
+        frame_id = request.frame_id.lstrip("/") or map_frame
+        map_from_frame = self._simulation.frames.lookup_latest(map_frame, frame_id)
+        map_from_pose = map_from_frame @ request.frame_from_pose
         x_m, y_m, _ = map_from_pose.translation_m.tolist()
         yaw_rad = map_from_pose.yaw_rad()
         flat = GroundPose(x_m, y_m, 0.0, yaw_rad)
         environment = self._simulation.world.environment
         return flat if environment is None else on_ground(row, flat, environment)
-
-    def _map_from(self, frame_id: str) -> RigidTransform:
-        frames, map_frame = self._simulation.frames, self._simulation.parameters.frames.map
-        frame_id = frame_id.lstrip("/") or map_frame
-        if frame_id == map_frame:
-            return RigidTransform.identity()
-        stamp_ns = frames.latest_common_time(map_frame, frame_id)
-        return frames.lookup(map_frame, frame_id, stamp_ns)

@@ -40,8 +40,9 @@ Allowed = Callable[[OrientedBoxes], npt.NDArray[np.bool_]]
 class Spawning:
     """Chooses arrival poses in the spawn region of the present environment.
 
-    `goal` is the footprint at the robot's goal, None if that is not known; arrivals keep away from
-    it. `out_of_view` tells what no camera sees. `cause` tells why `place` last found no pose.
+    `region` is None before it is known. `goal` is the footprint at the robot's goal, None if that
+    is not known; arrivals keep away from it. `out_of_view` tells what no camera sees. `cause` tells
+    why `place` last found no pose.
     """
 
     def __init__(
@@ -58,7 +59,7 @@ class Spawning:
             raise ParameterError("population.region is zones, but population.zones lists none")
         self._environment: Environment | None = None
         self._finder: RegionFinder | None = None
-        self._region: SpawnRegion | None = None
+        self.region: SpawnRegion | None = None
         self._placer: Placer | None = None
         self._entrances: Placer | None = None
         self.reconfigure(parameters)
@@ -80,12 +81,7 @@ class Spawning:
     @property
     def area_m2(self) -> float:
         """The effective area of the region, 0 before it is known."""
-        return self._region.area_m2 if self._region else 0.0
-
-    @property
-    def region(self) -> SpawnRegion | None:
-        """The region, None before it is known."""
-        return self._region
+        return self.region.area_m2 if self.region else 0.0
 
     @property
     def needs_viewpoints(self) -> bool:
@@ -105,9 +101,9 @@ class Spawning:
             self._finder = self._finder_for(environment)
             self._environment = environment
         region = self._finder.at(_point_of(robot))
-        if region is self._region:
+        if region is self.region:
             return False
-        self._region, self._placer = region, Placer(environment, region, self._terrains)
+        self.region, self._placer = region, Placer(environment, region, self._terrains)
         self._entrances = None
         return True
 
@@ -177,7 +173,7 @@ class Spawning:
 
     def _placer_to_use(self) -> Placer | None:
         """Return the placer of the region or, where artefacts appear there, of the entrances."""
-        environment, region = self._environment, self._region
+        environment, region = self._environment, self.region
         if environment is None or region is None or self._population.appear is not Appear.ZONES:
             return self._placer
         if self._entrances is None:

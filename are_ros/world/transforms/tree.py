@@ -205,6 +205,15 @@ class FrameTree:
             self.lookup(source, fixed, stamp_ns)
             raise
 
+    def lookup_latest(self, target: str, source: str) -> RigidTransform:
+        """Return target_from_source at the newest stamp at which the whole chain is known.
+
+        Equal frames give the identity, known or not. Errors as in `latest_before`.
+        """
+        if target == source:
+            return RigidTransform.identity()
+        return self.lookup(target, source, self.latest_common_time(target, source))
+
     def latest_common_time(self, target: str, source: str) -> int:
         """Return the newest stamp [ns] at which the whole chain is known; `STATIC` if all static.
 

@@ -13,6 +13,7 @@ from are_ros.builder.rendering.surface import Surface, SurfaceBank
 from are_ros.population.meshes.appearance import DrawnMesh
 from are_ros.world.cameras import FORWARD_FROM_OPTICAL, PinholeView
 from are_ros.world.rigid_transform import RigidTransform
+from tests.builder.rendering.plain_surfaces import plain_surface
 
 trimesh = pytest.importorskip("trimesh")
 
@@ -50,7 +51,7 @@ def ball(seam: bool = False) -> Surface:
     colours = np.full((len(corners), 3), 0.5)
     if seam:
         colours[corners.mean(axis=1)[:, 2] > 0.0] = (0.9, 0.1, 0.1)
-    return Surface.of(corners, colours, is_closed=True)
+    return plain_surface(corners, colours, is_closed=True)
 
 
 def textured_pipe() -> Surface:
@@ -191,7 +192,7 @@ def test_what_cannot_be_coarser_stays() -> None:
         corners[[[1, 2, 3]]],
         pages[book],
     ):
-        surface = Surface.of(triangles, np.full((len(triangles), 3), 0.5))
+        surface = plain_surface(triangles, np.full((len(triangles), 3), 0.5))
         coarse = surface.within(0.1)
         assert len(coarse.indices) == len(triangles)
         assert coarse.corners_m.tobytes() == surface.corners_m.tobytes()

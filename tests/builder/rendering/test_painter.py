@@ -13,6 +13,7 @@ from are_ros.builder.rendering.painter import Lighting, PaintedBody, Painter, Pa
 from are_ros.builder.rendering.surface import Surface, corner_normals, to_linear, to_srgb
 from are_ros.world.cameras import FORWARD_FROM_OPTICAL, FisheyeView, PinholeView
 from are_ros.world.rigid_transform import RigidTransform
+from tests.builder.rendering.plain_surfaces import plain_surface
 
 Floats = npt.NDArray[np.float64]
 PINHOLE = PinholeView(64, 48, 40.0, 41.0, 31.0, 23.0)
@@ -42,7 +43,7 @@ def cube(half: float = 0.5) -> Surface:
             *((2, 6, 3), (3, 6, 7), (0, 4, 2), (2, 4, 6), (1, 3, 5), (3, 7, 5)),
         ]
     )
-    return Surface.of(signs[faces], np.full((12, 3), 0.6), is_closed=True)
+    return plain_surface(signs[faces], np.full((12, 3), 0.6), is_closed=True)
 
 
 def standing(
@@ -306,7 +307,7 @@ def test_small_triangles_bulge_no_more_than_is_allowed_for(name: str) -> None:
     trimesh = pytest.importorskip("trimesh")
     ball = trimesh.creation.icosphere(3, radius=0.5)
     corners = np.asarray(ball.vertices)[ball.faces]
-    surface = Surface.of(corners, np.full((len(corners), 3), 0.5), is_closed=True)
+    surface = plain_surface(corners, np.full((len(corners), 3), 0.5), is_closed=True)
     painter = Painter(VIEWS[name])
     for x, y in ((1.6, 0.0), (1.6, 0.9), (3.0, -1.5)):
         body = standing(surface, x, y)
@@ -355,7 +356,7 @@ def test_a_texture_is_laid_on_the_triangles() -> None:
     corners = np.array([[[0.0, 0.5, -0.5], [0.0, -0.5, -0.5], [0.0, -0.5, 0.5]]] * 2)
     corners[1] = ((0.0, 0.5, -0.5), (0.0, -0.5, 0.5), (0.0, 0.5, 0.5))
     uvs = np.array([[(0, 0), (1, 0), (1, 1)], [(0, 0), (1, 1), (0, 1)]], dtype=np.float32)
-    sheet = replace(Surface.of(corners, np.full((2, 3), 0.5)), uvs=uvs, texture=texture)
+    sheet = replace(plain_surface(corners, np.full((2, 3), 0.5)), uvs=uvs, texture=texture)
     painting = paint(Painter(PINHOLE), [standing(sheet, 2.0, 0.0, yaw=0.0)])
     assert painting.pixels is not None
     columns = np.nonzero((painting.mask == 0).any(axis=0))[0]
@@ -374,7 +375,7 @@ def test_each_body_has_its_own_texture_also_where_it_reaches_behind_the_camera()
     for channel, corners in enumerate((0.2 * upright, level)):
         texture = np.zeros((1, 1, 3), dtype=np.uint8)
         texture[..., channel] = 255
-        plain = Surface.of(corners, np.full((2, 3), 0.5))
+        plain = plain_surface(corners, np.full((2, 3), 0.5))
         sheet = replace(plain, uvs=uvs, texture=texture)
         bodies.append(replace(standing(sheet, 2.0 - channel, 0.0, 0.0), ground_m=-9.0))
     for order in (bodies, bodies[::-1]):

@@ -214,9 +214,9 @@ def test_a_late_correction_is_held_in_the_builder(make_scene: Callable[..., Any]
     assert released.released_ns == scene.ns(0.153)
     assert released.is_augmented
     assert released.reading.ranges[180] == pytest.approx(0.8)
-    counts = scene.builder.sensor_counts()["scan"]
+    counts = scene.builder.sensors.counts()["scan"]
     assert (counts.exact, counts.held, counts.passed_through) == (0, 1, 0)
-    assert scene.builder.sensor_problems() == {}
+    assert scene.builder.sensors.problems() == {}
 
 
 def test_missing_odometry_passes_through_in_the_builder(make_scene: Callable[..., Any]) -> None:
@@ -228,8 +228,8 @@ def test_missing_odometry_passes_through_in_the_builder(make_scene: Callable[...
     scene.tick(0.2)
     (released,) = scene.builder.take_readings()
     assert released.reading is scan
-    assert scene.builder.sensor_counts()["scan"].passed_through == 1
-    assert list(scene.builder.sensor_problems()) == ["scan"]
+    assert scene.builder.sensors.counts()["scan"].passed_through == 1
+    assert list(scene.builder.sensors.problems()) == ["scan"]
 
 
 def test_topics_do_not_wait_for_each_other(make_scene: Callable[..., Any]) -> None:

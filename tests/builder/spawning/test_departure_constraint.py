@@ -13,7 +13,7 @@ from are_ros.agents.navigation.profile import NavigationProfile
 from are_ros.agents.navigation.terrain import Terrains
 from are_ros.builder.spawning._departure_constraint import (
     ConnectedFreeSpace,
-    RotationCheck,
+    DepartureConstraint,
     VehicleDepartureCheck,
     departure_constraint_of,
 )
@@ -141,5 +141,5 @@ def test_what_turns_on_the_spot_leads_out_at_any_heading() -> None:
     constraint = departure_constraint_of(
         row_of(0.6, 0.4, motion=TURNS), environment_of(free), Terrains(), free
     )
-    assert isinstance(constraint, RotationCheck)
+    assert type(constraint) is DepartureConstraint
     assert constraint.leads_out(np.zeros((3, 4))).all()
