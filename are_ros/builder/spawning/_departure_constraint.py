@@ -97,8 +97,8 @@ class RotationCheck:
 class ConnectedFreeSpace(RotationCheck):
     """The disc is free, and in a connected part of the free space that is large enough for a trip.
 
-    Such a part is at least `extent_m` long, along the grid's axes, has a cell of `region`, and is
-    connected for a disc of `way_radius_m`: that of the map in which ways are looked for.
+    Such a part is at least `LEAST_PART_M` long, along the grid's axes, has a cell of `region`, and
+    is connected for a disc of `way_radius_m`: that of the map in which ways are looked for.
     """
 
     def __init__(
@@ -106,11 +106,9 @@ class ConnectedFreeSpace(RotationCheck):
         terrain: Terrain,
         radius_m: float,
         region: _Mask,
-        extent_m: float,
         way_radius_m: float,
     ) -> None:
         super().__init__(terrain, radius_m, region)
-        self._extent_m = extent_m
         self._way_radius_m = way_radius_m
 
     @property
@@ -139,7 +137,7 @@ class ConnectedFreeSpace(RotationCheck):
         count, labels, boxes, _ = cv2.connectedComponentsWithStats(open_cells, connectivity=4)
         sides = boxes[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
         is_roomy = np.bincount(labels[self._region], minlength=count) > 0
-        is_roomy &= sides * unit_m >= self._extent_m
+        is_roomy &= sides * unit_m >= LEAST_PART_M
         is_roomy[0] = False
         mask = is_roomy[labels].view(np.uint8)
         roomy: _Mask = cv2.dilate(mask, np.ones((3, 3), np.uint8)).view(np.bool_)
@@ -175,7 +173,7 @@ class VehicleDepartureCheck(ConnectedFreeSpace):
 
     def __init__(self, terrain: Terrain, body: Body, way_radius_m: float, region: _Mask) -> None:
         way_radius_m = rounded_up_m(way_radius_m)
-        super().__init__(terrain, way_radius_m, region, LEAST_PART_M, way_radius_m)
+        super().__init__(terrain, way_radius_m, region, way_radius_m)
         self._turn_radius_m = body.turn_radius_m
         self._body = _row_of(body)
 
@@ -303,5 +301,5 @@ def departure_constraint_of(
     if body.turn_radius_m > 0.0:
         return VehicleDepartureCheck(terrain, body, profile.radius_m, region)
     way_radius_m = rounded_up_m(profile.narrow_m)
-    connected = ConnectedFreeSpace(terrain, body.radius_m, region, APART_M, way_radius_m)
+    connected = ConnectedFreeSpace(terrain, body.radius_m, region, way_radius_m)
     return connected if connected.is_anywhere else RotationCheck(terrain, body.radius_m, region)

@@ -154,13 +154,12 @@ def roomy_cells(row: CatalogueRow, free: Mask, slack_m: float = 1e-9) -> Mask:
     It is for cars, and for what turns on the spot and does not get through a gap in one motion.
     """
     centres_m = (np.argwhere(np.ones_like(free))[:, ::-1] + 0.5).astype(np.float64)
-    least_m = 2.6 if row.motion.turn_radius_m > 0.0 else 1.6
     is_open = discs_free(centres_m, rounded_m(disc_m(row)) - slack_m, free)
     labels, count = ndimage.label(is_open.reshape(free.shape))
     sizes = np.bincount(labels[free], minlength=count + 1)
     sizes[0] = 0
     for number, slices in enumerate(ndimage.find_objects(labels), 1):
-        sizes[number] *= max(side.stop - side.start for side in slices) >= least_m
+        sizes[number] *= max(side.stop - side.start for side in slices) >= 2.6
     large = np.isin(labels, np.flatnonzero(sizes))
     return np.asarray(ndimage.binary_dilation(large, np.ones((3, 3))), np.bool_)
 
