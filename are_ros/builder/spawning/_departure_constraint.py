@@ -1,8 +1,7 @@
 """Constraints on arrival poses, beside room for the box, so that the artefact can depart from them.
 
-A body that rotates on the spot needs a free disc, a vehicle a free first arc; between two walls it
-could never move. Both need free space that is connected over some metres, if there is any: in a
-smaller part they would have nowhere to go.
+A body that rotates on the spot needs a free disc. A vehicle needs free space that is connected over
+some metres, and a free first arc; between two walls it could never move.
 """
 
 from functools import cached_property
@@ -97,29 +96,16 @@ class RotationCheck:
 class ConnectedFreeSpace(RotationCheck):
     """The disc is free, and in a connected part of the free space that is large enough for a trip.
 
-    Such a part is at least `LEAST_PART_M` long, along the grid's axes, has a cell of `region`, and
-    is connected for a disc of `way_radius_m`: that of the map in which ways are looked for.
+    Such a part is at least `extent_m` long, along the grid's axes, and has a cell of `region`.
     """
 
-    def __init__(
-        self,
-        terrain: Terrain,
-        radius_m: float,
-        region: _Mask,
-        way_radius_m: float,
-    ) -> None:
+    def __init__(self, terrain: Terrain, radius_m: float, region: _Mask, extent_m: float) -> None:
         super().__init__(terrain, radius_m, region)
-        self._way_radius_m = way_radius_m
-
-    @property
-    def key(self) -> tuple[float, ...]:
-        return (*super().key, self._way_radius_m)
+        self._extent_m = extent_m
 
     @cached_property
     def is_anywhere(self) -> bool:
-        field, unit_m = self._terrain.clearance_m, self._terrain.grid.resolution_m
-        room_m = exact_room(field, self.radius_m, unit_m)
-        return bool((room_m[self._region & self._roomy] > 0.0).any())
+        return bool(self._roomy.any())
 
     def is_free_at(self, points_m: _Floats) -> _Mask:
         free = super().is_free_at(points_m)
@@ -133,11 +119,11 @@ class ConnectedFreeSpace(RotationCheck):
         import cv2
 
         field, unit_m = self._terrain.clearance_m, self._terrain.grid.resolution_m
-        open_cells = (exact_room(field, self._way_radius_m, unit_m) > 0.0).view(np.uint8)
+        open_cells = (exact_room(field, self.radius_m, unit_m) > 0.0).view(np.uint8)
         count, labels, boxes, _ = cv2.connectedComponentsWithStats(open_cells, connectivity=4)
         sides = boxes[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
         is_roomy = np.bincount(labels[self._region], minlength=count) > 0
-        is_roomy &= sides * unit_m >= LEAST_PART_M
+        is_roomy &= sides * unit_m >= self._extent_m
         is_roomy[0] = False
         mask = is_roomy[labels].view(np.uint8)
         roomy: _Mask = cv2.dilate(mask, np.ones((3, 3), np.uint8)).view(np.bool_)
@@ -172,8 +158,7 @@ class VehicleDepartureCheck(ConnectedFreeSpace):
     is_searched_for = False
 
     def __init__(self, terrain: Terrain, body: Body, way_radius_m: float, region: _Mask) -> None:
-        way_radius_m = rounded_up_m(way_radius_m)
-        super().__init__(terrain, way_radius_m, region, way_radius_m)
+        super().__init__(terrain, rounded_up_m(way_radius_m), region, LEAST_PART_M)
         self._turn_radius_m = body.turn_radius_m
         self._body = _row_of(body)
 
@@ -297,9 +282,6 @@ def departure_constraint_of(
         return None
     body = Body.of(row)
     terrain = terrains.of(environment, body.height_m)
-    profile = NavigationProfile.of(row, body)
-    if body.turn_radius_m > 0.0:
-        return VehicleDepartureCheck(terrain, body, profile.radius_m, region)
-    way_radius_m = rounded_up_m(profile.narrow_m)
-    connected = ConnectedFreeSpace(terrain, body.radius_m, region, way_radius_m)
-    return connected if connected.is_anywhere else RotationCheck(terrain, body.radius_m, region)
+    if body.turn_radius_m <= 0.0:
+        return RotationCheck(terrain, body.radius_m, region)
+    return VehicleDepartureCheck(terrain, body, NavigationProfile.of(row, body).radius_m, region)

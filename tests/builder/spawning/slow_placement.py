@@ -134,11 +134,7 @@ def disc_m(row: CatalogueRow) -> float:
     radius_m = float(np.hypot(*corners_of(row, np.zeros((1, 3)))[0].T).max())
     if row.motion.turn_radius_m == 0.0:
         return radius_m
-    return rounded_m(min(radius_m, 0.5 * row.size_m[1] + 0.1 * row.size_m[0]))
-
-
-def rounded_m(radius_m: float) -> float:
-    """Return a radius rounded up to centimetres, or to 5 cm above half a metre."""
+    radius_m = min(radius_m, 0.5 * row.size_m[1] + 0.1 * row.size_m[0])
     step_m = 0.01 if radius_m <= 0.5 else 0.05
     return step_m * math.ceil(radius_m / step_m - 1e-6)
 
@@ -149,13 +145,9 @@ def turns_free(row: CatalogueRow, points_m: Floats, free: Mask, slack_m: float =
 
 
 def roomy_cells(row: CatalogueRow, free: Mask, slack_m: float = 1e-9) -> Mask:
-    """Return the cells of parts that discs roam and that are long enough for a trip, and beside.
-
-    It is for cars, and for what turns on the spot and does not get through a gap in one motion.
-    """
+    """Return the cells of parts that discs roam and that are long enough for a car, and beside."""
     centres_m = (np.argwhere(np.ones_like(free))[:, ::-1] + 0.5).astype(np.float64)
-    is_open = discs_free(centres_m, rounded_m(disc_m(row)) - slack_m, free)
-    labels, count = ndimage.label(is_open.reshape(free.shape))
+    labels, count = ndimage.label(turns_free(row, centres_m, free, slack_m).reshape(free.shape))
     sizes = np.bincount(labels[free], minlength=count + 1)
     sizes[0] = 0
     for number, slices in enumerate(ndimage.find_objects(labels), 1):
@@ -185,15 +177,10 @@ def drives_off(row: CatalogueRow, poses: Floats, free: Mask, slack_m: float = 1e
 
 
 def sets_out(row: CatalogueRow, poses: Floats, free: Mask, slack_m: float = 1e-9) -> Mask:
-    """Test that one at poses (N, 3) has room for its disc, and is not shut in.
-
-    What turns on the spot may be shut in where there is no other place.
-    """
+    """Test that one at poses (N, 3) has room for its disc; a car, that it is not shut in, too."""
     out = turns_free(row, poses[:, :2], free, slack_m)
-    is_roomy, is_car = roomy_cells(row, free, slack_m), row.motion.turn_radius_m > 0.0
-    if is_car or is_roomy.any():
+    if row.motion.turn_radius_m > 0.0:
         cols, rows = np.floor(poses[:, :2]).astype(np.int64).T
-        out &= is_roomy[rows, cols]
-    if is_car:
+        out &= roomy_cells(row, free, slack_m)[rows, cols]
         out[out] = drives_off(row, poses[out], free, slack_m)
     return np.asarray(out, np.bool_)
