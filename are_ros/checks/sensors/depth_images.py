@@ -252,6 +252,10 @@ _BESIDE: Final = 2e-5
 """Rays so far beside one of a pixel, per metre of depth, are as good: about a hundredth of a pixel.
 At an edge they may meet something else, and rounding decides."""
 
+_ROUNDING_M, _CLOSE_M = 1e-5, 0.1
+"""So are rays so far beside it: numbers of 32 bits have places of bodies to some micrometres, which
+is more than a hundredth of a pixel on a body close to the camera, up to `_CLOSE_M`."""
+
 _ALIKE: Final = 1e-4
 """Depths on a slope that such rays meet differ by such a share."""
 
@@ -260,7 +264,7 @@ class Difference(NamedTuple):
     """How an image differs from the one computed anew: numbers of pixels.
 
     `tested` of them have a ray. `by_a_step` differ by one step of the encoding. `at_edges` are as
-    a ray has it that is a hundredth of a pixel beside theirs; `others` differ though not.
+    a ray has it that is a hundredth of a pixel, or of a millimetre, beside theirs; `others` not.
     The first of those is at `place` (row, column), (-1, -1) if there is none.
     """
 
@@ -417,8 +421,12 @@ def _is_beside(
     is_beside = np.zeros(len(found), np.bool_)
     if not len(found):
         return is_beside
-    for x, y in itertools.product((-_BESIDE, 0.0, _BESIDE), repeat=2):
-        hits_m = scene.hits(rays[which][None] + (x, y, 0.0), depths_m)[0][0]
+    straight = rays[which][None]
+    nearest_m = np.fmin(output.depths_m[which], scene.hits(straight, depths_m)[0][0])
+    beside = np.maximum(_BESIDE, _ROUNDING_M / np.maximum(nearest_m, _CLOSE_M))
+    for x, y in itertools.product((-1.0, 0.0, 1.0), repeat=2):
+        aside = beside[:, None] * (x, y, 0.0)
+        hits_m = scene.hits(straight + aside, depths_m)[0][0]
         is_hit = np.isfinite(hits_m)
         numbers = real.numbers_of(np.where(is_hit, hits_m, 1.0))
         step = 0.0 if real.numbers.dtype.kind == "f" else 0.5

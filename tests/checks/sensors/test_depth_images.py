@@ -95,20 +95,29 @@ def test_what_did_not_become_an_artefact_is_found() -> None:
     assert judged(real, real)[2:4] == (0, int((real.numbers != output.numbers).sum()))
 
 
-@pytest.mark.parametrize(("beside_m", "difference"), [(2e-6, (1, 0)), (1e-3, (0, 1))])
+@pytest.mark.parametrize(
+    ("front_m", "beside_m", "difference"),
+    [
+        (2.8, 2e-6, (1, 0)),
+        (2.8, 5e-5, (1, 0)),
+        (2.8, 1e-4, (0, 1)),
+        (0.2, 9e-6, (1, 0)),
+        (0.2, 3e-5, (0, 1)),
+    ],
+)
 def test_what_a_ray_close_beside_meets_is_at_an_edge(
-    beside_m: float, difference: tuple[int, int]
+    front_m: float, beside_m: float, difference: tuple[int, int]
 ) -> None:
     """The box begins a little beside the ray of a pixel, or plainly beside it."""
     ray = rays_of(info(), rectified=False)[12, 12]
-    at_m = ray[0] * 2.8 + beside_m
-    box = box_triangles() * (0.4, 0.3, 0.2) + (at_m + 0.4, 0.0, 3.0)
+    at_m = ray[0] * front_m + beside_m
+    box = box_triangles() * (0.4, 0.3, 0.2) + (at_m + 0.4, 0.0, front_m + 0.2)
     real = frame(np.full((24, 32), 4.0))
     numbers = real.numbers.copy()
     is_hit = np.isfinite(nearest_depths(rays_of(info(), rectified=False), HERE, [box]))
-    numbers[is_hit] = 2800
+    numbers[is_hit] = 1000 * front_m
     assert not is_hit[12, 12]
-    numbers[12, 12] = 2800
+    numbers[12, 12] = 1000 * front_m
     output = replace(real, numbers=numbers)
     found = compared(real, output, rays_of(info(), rectified=False), HERE, [box], 10.0, None)
     assert found[2:4] == difference
