@@ -252,9 +252,9 @@ _BESIDE: Final = 2e-5
 """Rays so far beside one of a pixel, per metre of depth, are as good: about a hundredth of a pixel.
 At an edge they may meet something else, and rounding decides."""
 
-_ROUNDING_M, _CLOSE_M = 1e-5, 0.1
-"""So are rays so far beside it: numbers of 32 bits have places of bodies to some micrometres, which
-is more than a hundredth of a pixel on a body close to the camera, up to `_CLOSE_M`."""
+_SLACK: Final = 1.5e-5
+"""By such a share of its size a triangle may be met beside it: bodies are without cracks, for which
+their triangles overlap by a hundred thousandth."""
 
 _ALIKE: Final = 1e-4
 """Depths on a slope that such rays meet differ by such a share."""
@@ -264,7 +264,7 @@ class Difference(NamedTuple):
     """How an image differs from the one computed anew: numbers of pixels.
 
     `tested` of them have a ray. `by_a_step` differ by one step of the encoding. `at_edges` are as
-    a ray has it that is a hundredth of a pixel, or of a millimetre, beside theirs; `others` not.
+    a ray has it that is a hundredth of a pixel beside theirs, or a triangle's edge; `others` not.
     The first of those is at `place` (row, column), (-1, -1) if there is none.
     """
 
@@ -276,24 +276,28 @@ class Difference(NamedTuple):
 
 
 def nearest_depths(
-    rays: Floats, camera: Pose, shapes: Sequence[Floats], limits_m: Floats | None = None
+    rays: Floats,
+    camera: Pose,
+    shapes: Sequence[Floats],
+    limits_m: Floats | None = None,
+    slack: float = 0.0,
 ) -> Floats:
     """Return the depth (H, W) [m] at which rays (H, W, 3) meet triangles (F, 3, 3) first, or inf.
 
     The triangles are in the map; `camera` is its pose there. Hits beyond `limits_m` (H, W) do not
-    matter, and may be left out.
+    matter, and may be left out. Beside a triangle, up to `slack` of its size, it is met, too.
     """
     flat = rays.reshape(-1, 3)
     depths = np.full(len(flat), np.inf)
     limits = depths.copy() if limits_m is None else limits_m.ravel()
     for triangles in shapes:
         corners = (triangles - camera.translation_m) @ camera.rotation
-        near = _within(flat, corners.reshape(-1, 3))
+        near = _within(flat, corners.reshape(-1, 3), slack)
         near = near[limits[near] >= _least_depth_m(rays, corners)]
         rays_near, depths_near = flat[near], depths[near]
         for corner in corners if len(near) else ():
-            which = _within(rays_near, corner)
-            met = _met(rays_near[which], corner)
+            which = _within(rays_near, corner, slack)
+            met = _met(rays_near[which], corner, slack)
             depths_near[which] = np.minimum(depths_near[which], met)
         depths[near] = depths_near
     return depths.reshape(rays.shape[:2])
@@ -304,7 +308,7 @@ def _least_depth_m(rays: Floats, corners: Floats) -> float:
     return float(corners[..., 2].min()) if (rays[..., 2] == 1.0).all() else -np.inf
 
 
-def _within(rays: Floats, corners: Floats) -> NDArray[np.int64]:
+def _within(rays: Floats, corners: Floats, slack: float) -> NDArray[np.int64]:
     """Return which rays (N, 3) may meet what has these corners (M, 3), all of the camera's frame.
 
     None of what is behind the camera. All where a corner is, or rays do not go along the axis.
@@ -314,12 +318,13 @@ def _within(rays: Floats, corners: Floats) -> NDArray[np.int64]:
     if corners[:, 2].min() <= _NEAR_M or (rays[:, 2] != 1.0).any():
         return np.arange(len(rays))
     seen = corners[:, :2] / corners[:, 2:]
-    low, high = seen.min(axis=0) - 1e-6, seen.max(axis=0) + 1e-6
+    beside = 1e-6 + slack * np.ptp(corners, axis=0).max() / corners[:, 2].min()
+    low, high = seen.min(axis=0) - beside, seen.max(axis=0) + beside
     x, y = rays[:, 0], rays[:, 1]
     return np.flatnonzero((x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1]))
 
 
-def _met(rays: Floats, corner: Floats) -> Floats:
+def _met(rays: Floats, corner: Floats, slack: float) -> Floats:
     """Return the depths at which rays (N, 3) from 0 meet a triangle (3, 3), inf if they do not.
 
     By solving for the corners' weights: a ray times its depth is the weighted sum of the corners.
@@ -330,7 +335,8 @@ def _met(rays: Floats, corner: Floats) -> Floats:
     (x, y, z), columns = rays.T, np.linalg.inv(corner).T
     weights = [x * a + y * b + z * c for a, b, c in columns.tolist()]
     total = weights[0] + weights[1] + weights[2]
-    is_met = (weights[0] >= 0.0) & (weights[1] >= 0.0) & (weights[2] >= 0.0) & (total > 0.0)
+    least = -slack * total
+    is_met = (total > 0.0) & np.all([weight >= least for weight in weights], axis=0)
     return np.asarray(np.divide(1.0, total, out=np.full(len(rays), np.inf), where=is_met))
 
 
@@ -393,14 +399,16 @@ class _Scene(NamedTuple):
     farthest_m: float
     walls: Walls | None
 
-    def hits(self, rays: Floats, depths_m: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    def hits(
+        self, rays: Floats, depths_m: Floats, slack: float = 0.0
+    ) -> tuple[Floats, NDArray[np.bool_]]:
         """Return the depths (H, W) at which rays meet artefacts, inf where depths (H, W) stay.
 
-        The second array tells where that is doubtful.
+        The second array tells where that is doubtful. `slack` as in `nearest_depths`.
         """
         is_none = np.isnan(depths_m)
         limits_m = np.where(is_none, self.farthest_m, depths_m)
-        hits_m = nearest_depths(rays, self.camera, self.shapes, limits_m + _GRAZING_M)
+        hits_m = nearest_depths(rays, self.camera, self.shapes, limits_m + _GRAZING_M, slack)
         is_hit = hits_m < limits_m
         is_doubtful = is_none & (np.abs(hits_m - limits_m) < _GRAZING_M)
         if (is_hit & is_none).any():
@@ -421,12 +429,8 @@ def _is_beside(
     is_beside = np.zeros(len(found), np.bool_)
     if not len(found):
         return is_beside
-    straight = rays[which][None]
-    nearest_m = np.fmin(output.depths_m[which], scene.hits(straight, depths_m)[0][0])
-    beside = np.maximum(_BESIDE, _ROUNDING_M / np.maximum(nearest_m, _CLOSE_M))
-    for x, y in itertools.product((-1.0, 0.0, 1.0), repeat=2):
-        aside = beside[:, None] * (x, y, 0.0)
-        hits_m = scene.hits(straight + aside, depths_m)[0][0]
+    for x, y in itertools.product((-_BESIDE, 0.0, _BESIDE), repeat=2):
+        hits_m = scene.hits(rays[which][None] + (x, y, 0.0), depths_m, _SLACK)[0][0]
         is_hit = np.isfinite(hits_m)
         numbers = real.numbers_of(np.where(is_hit, hits_m, 1.0))
         step = 0.0 if real.numbers.dtype.kind == "f" else 0.5
