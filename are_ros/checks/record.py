@@ -44,10 +44,9 @@ from are_ros.checks.marker_rules import MarkerChange, change_of
 from are_ros.checks.oracle.frames import ODOMETRY, PREFERRED_ODOMETRY, TF, Frames
 from are_ros.checks.oracle.solids import Cloud, RealMap
 from are_ros.checks.result import Tally, at_s
-from are_ros.checks.sensors.beams import BEAMS
-from are_ros.checks.sensors.cloud_pairs import SensorCloud
 from are_ros.checks.sensors.colours import ColourFrame, ImagePairs
 from are_ros.checks.sensors.depth_images import DepthFrame, info_topic
+from are_ros.checks.sensors.samples import BEAMS, SensorCloud
 from are_ros.checks.sensors.scan_pairs import Kept, ScanPairs
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import AreError, InputError

@@ -2,7 +2,7 @@
 
 To add a kind takes four places: its reading in `builder/sensors/` (a class with the methods of
 `sensor_path.Reading`, and a `miniature`), its message and its entry in `SENSORS` here, the
-parameter of its topics in `SensorsParameters`, and its sample in `checks/sensors/beams.py`.
+parameter of its topics in `SensorsParameters`, and its sample in `checks/sensors/samples.py`.
 """
 
 from collections.abc import Callable, Mapping

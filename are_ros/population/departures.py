@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from bisect import bisect_left, insort
 from enum import Enum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import ParameterError
@@ -97,6 +97,8 @@ def departure_law(kind: Departures, seed: int, mean_life_s: float) -> DepartureL
 _Life = tuple[int, float, int | None]
 """An instant [ns], what is left then of the unit exponential, and when mu has consumed it [ns]."""
 
+_NO_LIFE: Final[_Life] = (0, 0.0, None)
+
 
 class IndependentLives(DepartureLaw):
     """Each life is exponential on its own: death rate i*mu, stationary law Poisson(lambda/mu).
@@ -108,15 +110,21 @@ class IndependentLives(DepartureLaw):
     def __init__(self, seed: int, mean_life_s: float) -> None:
         super().__init__(seed, mean_life_s)
         self._lives: dict[int, _Life] = {}
+        self._queue: list[Departure] = []
 
     def arrived(self, artefact_id: int, now_ns: int) -> None:
         """Draw the life that begins at `now_ns`."""
         stream = generator(self._seed, Purpose.LIFE, artefact_id)
-        self._lives[artefact_id] = self._life(now_ns, float(stream.standard_exponential()))
+        life = self._life(now_ns, float(stream.standard_exponential()))
+        self._lives[artefact_id] = life
+        if life[2] is not None:
+            insort(self._queue, Departure(life[2], artefact_id))
 
     def removed(self, artefact_id: int, now_ns: int) -> None:  # noqa: ARG002 - the law's interface
         """Censor a life; the other lives do not change."""
-        self._lives.pop(artefact_id, None)
+        _, _, end_ns = self._lives.pop(artefact_id, _NO_LIFE)
+        if end_ns is not None:
+            del self._queue[bisect_left(self._queue, Departure(end_ns, artefact_id))]
 
     def set_mean_life(self, mean_life_s: float, now_ns: int) -> None:
         """Stretch or shrink what is left at `now_ns` of each life; lives that are due stay."""
@@ -129,11 +137,12 @@ class IndependentLives(DepartureLaw):
                 change_ns = max(now_ns, start_ns)
                 consumed = before * ((change_ns - start_ns) / NS_PER_S)
                 self._lives[artefact_id] = self._life(change_ns, max(hazard - consumed, 0.0))
+        ends = ((t_ns, i) for i, (_, _, t_ns) in self._lives.items() if t_ns is not None)
+        self._queue = sorted(map(Departure._make, ends))
 
     def next(self) -> Departure | None:
         """Return the earliest end of a life, of two at one instant that of the lower id."""
-        ends = [(end_ns, i) for i, (_, _, end_ns) in self._lives.items() if end_ns is not None]
-        return Departure(*min(ends)) if ends else None
+        return self._queue[0] if self._queue else None
 
     def departure_of(self, artefact_id: int) -> int | None:
         """Return the end of a life [ns], which only another mean life changes."""
@@ -143,6 +152,7 @@ class IndependentLives(DepartureLaw):
     def restart(self, now_ns: int) -> None:  # noqa: ARG002 - the law's interface
         """Forget all lives."""
         self._lives.clear()
+        self._queue.clear()
 
     def _life(self, start_ns: int, hazard: float) -> _Life:
         return start_ns, hazard, due_ns(start_ns, hazard, self._rate_per_s)

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from are_ros.bag.recording import PREFIX
-from are_ros.checks.sensors.beams import BEAMS, Changes, Sample
 from are_ros.checks.sensors.depth_images import (
     DepthFrame,
     DepthPair,
@@ -18,6 +17,7 @@ from are_ros.checks.sensors.depth_images import (
     name_parts,
     rays_of,
 )
+from are_ros.checks.sensors.samples import BEAMS, Changes, Sample
 
 _MOST_WAITING: Final = 2000
 _MOST_IMAGES: Final = 40

@@ -19,9 +19,8 @@ from are_ros.checks.oracle.plane import distances_m
 from are_ros.checks.oracle.solids import Cloud, Walls
 from are_ros.checks.record import Record
 from are_ros.checks.result import CheckResult, Tally, at_s, skipped
-from are_ros.checks.sensors.beams import BEAMS, Changes, LaserSample, Sample
-from are_ros.checks.sensors.cloud_pairs import SensorCloud
 from are_ros.checks.sensors.depth_images import DepthFrame, box_triangles, compared
+from are_ros.checks.sensors.samples import BEAMS, Changes, LaserSample, Sample, SensorCloud
 from are_ros.checks.sensors.scan_pairs import ChangedScan, Released
 from are_ros.checks.ticks import departures_ns
 from are_ros.conventions import NS_PER_S, seconds_to_ns
