@@ -18,6 +18,7 @@ from are_ros.agents.local_planner.body import MotionCommand
 from are_ros.agents.simulate import CrowdSimulator
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import collision_resolver
+from are_ros.builder.sensors.image import MINIATURE_PX
 from are_ros.builder.sensors.lens import Lens
 from are_ros.builder.sensors.sensor_path import MakeReading
 from are_ros.builder.tick import Demand
@@ -43,14 +44,13 @@ _PAUSE_S = 0.05
 _STDOUT = 1
 _EVERYTHING = Demand(octomap=True)
 _NOTHING = Demand(perception=False, grids=False, markers=False)
-_WIDTH, _HEIGHT = 32, 24
 _MINIATURE = {
     "population.arrival_rate": 0.5,
     "population.mean_life": 1.0,
     "population.appear": "out_of_view",
     "mixture.weights": (0.85, 0.15),
-    "camera.width": _WIDTH,
-    "camera.height": _HEIGHT,
+    "camera.width": MINIATURE_PX[0],
+    "camera.height": MINIATURE_PX[1],
     "occlusion.tau": 0,
     "robot.clearance": 0.2,
 }
@@ -376,5 +376,5 @@ def _voxels() -> npt.NDArray[np.float32]:
 
 def _lens() -> Camera:
     """Return a camera of the miniature's size whose lens distorts."""
-    view = PinholeView(_WIDTH, _HEIGHT, 16.0, 16.0, 15.5, 11.5, distortion=(0.1, *[0.0] * 13))
+    view = PinholeView(*MINIATURE_PX, 16.0, 16.0, 15.5, 11.5, distortion=(0.1, *[0.0] * 13))
     return mounted_camera(view, (0.0, 0.0, 0.5, 0.0, 0.0, 0.0))

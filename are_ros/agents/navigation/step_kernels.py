@@ -91,12 +91,10 @@ def prospect_of(
 ) -> tuple[int, int, float]:
     """Fill in what the actions of an agent with a goal are worth, (P, 5): pace, move.
 
-    Staying is worth that without resting.
-
-    `ground`, `value_arrays` and `ends` are the fields of `Ground`, `ValueArrays` and `GoalSpec`,
-    `crowd` those of `neighbours.Cells` and the rest of `Crowd`. `agent` is the index in the crowd,
-    whether others cost it anything, and the epochs left. A moving goal is approached straight from
-    any distance. Returns what there is (no way, straight to the goal, a choice, or that the planes
+    What resting saves does not count for staying. `ground`, `value_arrays` and `ends` are the
+    fields of `Ground`, `ValueArrays` and `GoalSpec`, `crowd` those of `neighbours.Cells` and the
+    rest of `Crowd`. `agent` is the index in the crowd, whether others cost it anything, and the
+    epochs left. A moving goal is approached straight from any distance. Returns what there is (no way, straight to the goal, a choice, or that the planes
     of all epochs are needed), the heading, and the value of the state without the others.
     """
     floor, values, going = Ground(*ground), ValueArrays(*value_arrays), GoalSpec(*ends)
@@ -122,7 +120,8 @@ def prospect_of(
     value = brings.max()
     if others.shape[1] > 0:
         action_values(values, epochs_left, floor.anchors_m, others, state, brings)
-    brings[:, 0] -= values.prices[2]  # who stays gives way, and does not rest
+    for pace in range(brings.shape[0]):  # an agent that stays here gives way, and does not rest
+        brings[pace, 0] -= values.prices[2]
     return CHOOSES, state[2], value
 
 
