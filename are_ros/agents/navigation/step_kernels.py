@@ -94,8 +94,9 @@ def prospect_of(
     What resting saves does not count for staying. `ground`, `value_arrays` and `ends` are the
     fields of `Ground`, `ValueArrays` and `GoalSpec`, `crowd` those of `neighbours.Cells` and the
     rest of `Crowd`. `agent` is the index in the crowd, whether others cost it anything, and the
-    epochs left. A moving goal is approached straight from any distance. Returns what there is (no way, straight to the goal, a choice, or that the planes
-    of all epochs are needed), the heading, and the value of the state without the others.
+    epochs left. A moving goal is approached straight from any distance. Returns what there is (no
+    way, straight to the goal, a choice, or that the planes of all epochs are needed), the heading,
+    and the value of the state without the others.
     """
     floor, values, going = Ground(*ground), ValueArrays(*value_arrays), GoalSpec(*ends)
     everybody = Crowd(crowd[:8], crowd[8], crowd[9], crowd[10])
