@@ -1,10 +1,11 @@
 """Compiling the kernels before they are needed, by miniature scenes, in two processes."""
 
+import gc
 import os
 import pickle
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from typing import IO, Any, Final
@@ -42,6 +43,8 @@ _TICKS = 20
 _TICK_NS = NS_PER_S // 10
 _PAUSE_S = 0.05
 _STDOUT = 1
+_FEW_COLLECTIONS = 20_000, 20, 20
+"""The compiler makes many objects that stay: looking for garbage was a tenth of its time."""
 _EVERYTHING = Demand(octomap=True)
 _NOTHING = Demand(perception=False, grids=False, markers=False)
 _MINIATURE = {
@@ -81,13 +84,15 @@ def warm_up(
 ) -> bool:
     """Compile, or load from the cache, the builder's kernels: a minute where they are not there.
 
-    A second process compiles decisions, perception, scans and maps, while this one compiles
-    arrivals and the local planner. The user's own behaviours are not called. `is_wanted` is asked
+    A second process compiles decisions, perception, maps and sensors, while this one compiles
+    arrivals, the local planner, and sensors from the last one on. The user's own behaviours are not called. `is_wanted` is asked
     every second or so; when it returns False, the compilation stops and False is returned. An
     exception from a signal handler cannot stop it: the compiler crashes, or swallows it.
     """
     catalogue = _tame(catalogue)
     with ExitStack() as stack:
+        stack.callback(gc.set_threshold, *gc.get_threshold())
+        gc.set_threshold(*_FEW_COLLECTIONS)
         helper = _Helper(catalogue, needs, stack)
         compilation = _Compilation(is_wanted, count, helper)
         stack.enter_context(event.install_listener("numba:compile", compilation))
@@ -95,6 +100,8 @@ def warm_up(
             _Scene(catalogue, needs, compilation.ask).plan()
             scene = _Scene(catalogue, needs, compilation.ask)
             scene.live()
+            if helper.is_busy():
+                scene.take_readings(reversed(range(len(needs.sensors))))  # the two meet
             while helper.is_busy():
                 compilation.ask()
                 helper.wait()
@@ -218,10 +225,11 @@ class _Names(event.Listener):  # type: ignore[misc] # numba is not typed
 
 
 def help_out() -> None:
-    """Compile decisions, perception, scans and maps, as the second process.
+    """Compile decisions, perception, maps and sensors, as the second process.
 
     Its input says for what. Decisions come first: the parent process needs them soonest.
     """
+    gc.set_threshold(*_FEW_COLLECTIONS)
     catalogue, needs = pickle.load(sys.stdin.buffer)  # noqa: S301 - our own parent wrote it
     standing, still = {"standing": 1.0}, MotionLimits(speed_mps=0.0)
     rows = [replace(row, behaviours=standing, motion=still) for row in catalogue.rows]
@@ -285,25 +293,30 @@ class _Scene:
         builder = self._builder
         builder.reconfigure(self._parameters, self._tick * _TICK_NS)
         builder.demand = self._needs.demand
-        sensors = {f"sensor_{k}": make for k, make in enumerate(self._needs.sensors)}
-        for topic, make in sensors.items():
+        if self._needs.has_voxels:
+            builder.receive_cloud(_voxels(), "map", self._tick * _TICK_NS, 0.1)
+        builder.receive_camera(_lens(), self._tick * _TICK_NS)
+        self.take_readings(range(len(self._needs.sensors)))
+        _let_collide(builder)
+
+    def take_readings(self, order: Iterable[int]) -> None:
+        """Let sensors make a reading each at every tick, in this order."""
+        builder = self._builder
+        topics = {f"sensor_{k}": self._needs.sensors[k] for k in order}
+        for topic, make in topics.items():
             if hasattr(make(_BASE, 0), "seen_through"):
                 builder.await_lens(topic, "camera_info")
                 builder.receive_lens(topic, Lens.miniature(_BASE), self._tick * _TICK_NS)
-        if self._needs.has_voxels:
-            builder.receive_cloud(_voxels(), "map", self._tick * _TICK_NS, 0.1)
         for i in range(_TICKS):
             now_ns = self._move()
-            for topic, make in sensors.items():
+            for topic, make in topics.items():
                 builder.receive_reading(topic, make(_BASE, now_ns), now_ns)
             if i == 1:
-                builder.receive_camera(_lens(), now_ns)
                 pose = GroundPose(2.0, 1.5, 0.0, 0.1)
                 with suppress(PlacementError):  # an artefact may stand there
                     builder.lives.place(self._catalogue.rows[0], pose, now_ns)
             builder.step(now_ns)
             builder.take_readings()
-        _let_collide(builder)
 
     def _move(self) -> int:
         """Move the robot on, and return the time."""
