@@ -85,9 +85,10 @@ def warm_up(
     """Compile, or load from the cache, the builder's kernels: a minute where they are not there.
 
     A second process compiles decisions, perception, maps and sensors, while this one compiles
-    arrivals, the local planner, and sensors from the last one on. The user's own behaviours are not called. `is_wanted` is asked
-    every second or so; when it returns False, the compilation stops and False is returned. An
-    exception from a signal handler cannot stop it: the compiler crashes, or swallows it.
+    arrivals, the local planner, and sensors from the last one on. The user's own behaviours are not
+    called. `is_wanted` is asked every second or so; when it returns False, the compilation stops
+    and False is returned. An exception from a signal handler cannot stop it: the compiler crashes,
+    or swallows it.
     """
     catalogue = _tame(catalogue)
     with ExitStack() as stack:
