@@ -17,9 +17,11 @@ from are_ros.bag.types import jazzy_typestore
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.transforms import (
+    ROS1_DIGEST,
     OdometryNumbers,
     StampedTransform,
     decode_transforms_cdr,
+    decode_transforms_ros1,
     is_plain_cdr,
     read_odometry_numbers,
     read_transforms,
@@ -400,6 +402,9 @@ class BagReader:
                 return decode_transforms_cdr(message.data)
         except (StructError, UnicodeDecodeError) as cause:
             raise _malformed(message, cause) from cause
+        if self.is_ros1 and message.connection.digest == ROS1_DIGEST:
+            with suppress(StructError, UnicodeDecodeError):  # let the general way complain
+                return decode_transforms_ros1(message.data)
         return read_transforms(self.deserialize(message))
 
     def odometry(self, message: BagMessage) -> OdometryNumbers:
