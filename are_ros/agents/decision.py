@@ -121,7 +121,7 @@ class AgentState:
     places: Destinations | None = None
 
     def note_place(self, point_m: Point, now_ns: int) -> None:
-        """Update how long the agent has had a goal and stayed within one spot."""
+        """Update how long the agent has wanted to go on and stayed within one spot."""
         if not self.is_going or self.spot_m is None or math.dist(self.spot_m, point_m) > SPOT_M:
             self.spot_m, self.spot_since_ns = point_m if self.is_going else None, now_ns
         self.lingered_s = (now_ns - self.spot_since_ns) / NS_PER_S
@@ -137,7 +137,9 @@ class AgentState:
 
     def note_result(self, request: NavigationRequest, result: NavigationResult) -> None:
         """Store the intent, and what navigation has made of it."""
-        self.intent, self.is_going = request.intent, result.command.subgoal_m is not None
+        # one that gives way wants to go on: it may try and give way by turns
+        self.is_going = result.waits or result.command.subgoal_m is not None
+        self.intent = request.intent
         self.arrived, self.no_way = result.arrived, result.no_way
         if result.waits:
             self.waits += 1

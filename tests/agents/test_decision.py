@@ -67,14 +67,13 @@ class Ways(Navigation):
     def result(
         self, request: NavigationRequest, prospect: Prospect, pace: int = 0, move: int = 0
     ) -> NavigationResult:
-        """Return an order to go straight on; what was chosen is kept."""
+        """Return an order to go straight on, or to wait; what was chosen is kept."""
         if prospect.kind is Prospects.CHOOSES:
             self.actions.append((pace, move))
-        return NavigationResult(
-            MotionCommand(request.intent.goal_m, request.speeds_mps[pace]),
-            no_way=self.is_shut,
-            waits=self.is_crowded and request.is_patient,
-        )
+        waits = self.is_crowded and request.is_patient
+        subgoal_m = None if waits else request.intent.goal_m
+        command = MotionCommand(subgoal_m, request.speeds_mps[pace])
+        return NavigationResult(command, no_way=self.is_shut, waits=waits)
 
     def slipped(
         self, request: NavigationRequest, prospect: Prospect, pace: int, move: int
@@ -387,6 +386,19 @@ def test_who_shunts_about_a_spot_is_said_to_manoeuvre() -> None:
     town.x_m = 0.31
     town.decide(20 * 14)
     assert marcher.activity == "marching"
+
+
+def test_who_shunts_and_gives_way_by_turns_manoeuvres_too() -> None:
+    """To give way is to want to go on: the time at the spot counts on."""
+    town = Town()
+    marcher = town.admit(1, 0, MARCHER)
+    said = []
+    for second in range(9):
+        town.ways.is_crowded = second in {3, 7}
+        town.decide(20 * second)
+        said.append(marcher.activity)
+    assert said[3] == said[7] == "giving way"
+    assert said[5] == said[6] == said[8] == "manoeuvring"
 
 
 def test_who_stands_of_its_own_will_does_not_manoeuvre() -> None:
