@@ -853,6 +853,17 @@ def test_a_reported_contact_may_overlap_the_robot(right: Draft, tmp_path: Path) 
     assert result.failures == 2
 
 
+def test_bodies_may_touch_between_two_sub_steps(right: Draft, tmp_path: Path) -> None:
+    """By less than a centimetre, and at the instant of a sub-step not at all."""
+    name, outcomes = "overlaps of artefacts", []
+    for step_s, x_m in ((0.05, 0.37), (0.09, 0.37), (0.09, 0.353)):  # by 4 mm, 4 mm and 2 cm
+        draft = copy.deepcopy(right)
+        draft.values["motion.step"] = step_s
+        _move_artefact(2, x_m, 0.045)(draft)
+        outcomes.append(results_of(draft, tmp_path)[name].outcome)
+    assert outcomes == [Outcome.FAILED, Outcome.PASSED, Outcome.FAILED]
+
+
 def test_who_comes_and_goes_waits_for_no_rate(right: Draft, tmp_path: Path) -> None:
     """The rate is that of moves: grids of successive ticks are right if somebody came or went."""
     draft = copy.deepcopy(right)
