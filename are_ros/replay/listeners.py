@@ -26,6 +26,7 @@ from are_ros.parameters.choices import Region
 from are_ros.parameters.model import SensorsParameters
 from are_ros.replay.runner import Listener
 from are_ros.replay.scene_record import SceneRecorder
+from are_ros.wording import percent
 from are_ros.world.environment import Environment
 from are_ros.world.occupancy_grid import OccupancyGrid
 
@@ -259,7 +260,23 @@ class StandingWatch(Listener):
         if self._ticks and kind is Region.REACHABLE and self._area_m2 < _LEAST_AREA_M2:
             doubts.append(f"the robot can reach {self._area_m2:.1f} m^2 of the map at most")
         question = "does the map belong to the recording, and is its frame right?"
-        return [f"{', and '.join(doubts)}: {question}"] if doubts else []
+        return [f"{', and '.join(doubts)}: {question}{self._undecided()}"] if doubts else []
+
+    def _undecided(self) -> str:
+        """Say if many cells of the last map are neither free nor occupied, for its thresholds."""
+        last, settings = self._builder.world.environment, self._builder.parameters.world
+        if last is None:
+            return ""
+        known = last.grid.cells >= 0
+        between = known & ~last.classes.free & ~last.classes.occupied
+        share = float(between.sum()) / max(int(known.sum()), 1)
+        if share <= SHARE:
+            return ""
+        return (
+            f" {percent(share)} of its known cells are neither free, up to world.free_threshold "
+            f"({settings.free_threshold}), nor occupied, from world.occupied_threshold "
+            f"({settings.occupied_threshold}) on: --set world.free_threshold:=N takes more as free"
+        )
 
     def _outside(self) -> int:
         """Return the number of ticks on cells that were not free, then and in the last map.
