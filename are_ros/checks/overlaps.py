@@ -33,7 +33,7 @@ def covers_by_tick(record: Record) -> Iterator[tuple[Scene, RealMap | None, list
     """Yield each scene with the real map that it knew, and its boxes' cells there."""
     covers: Covers | None = None
     for scene in record.scenes:
-        real = record.real_map_at(scene.stamp_ns)
+        real = record.real_map_of_tick(scene.stamp_ns)
         if real is None:
             yield scene, None, []
             continue
