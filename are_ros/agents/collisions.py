@@ -376,6 +376,20 @@ class CollisionResolver:
         )
         return Resolution(remedies.outcomes, remedies.shifts_m, remedies.boxes(), contacts)
 
+    def held_back(self, proposed: OrientedBoxes, last_safe: OrientedBoxes) -> NDArray[np.bool_]:
+        """Return which artefacts (N,) have to stay where they are, in the way of nobody there.
+
+        `proposed` are the boxes (N) at the next sub-step, `last_safe` the present ones. Of two that
+        would overlap, the one with the higher id stays; walls and robots do not count. An overlap
+        that staying would not prevent is left to `resolve`.
+        """
+        held = np.zeros(len(proposed), np.bool_)
+        if any_overlap(proposed):
+            remedies = _Remedies(proposed, last_safe, ~held)
+            remedies.apply(np.ones((len(proposed), 2), np.bool_), lambda _, __: None, 0.0)
+            held = remedies.outcomes == Outcome.MOVED_BACK
+        return held
+
 
 def _are_allowed(
     boxes: OrientedBoxes,

@@ -141,7 +141,7 @@ class CrowdSimulator:
         ends, boxes = table.proposed(planar, moved, environment)
         if tracks:
             ends, boxes = self._on_tracks(now_ns, tracks, ends, boxes)
-        table.set_ends(ends, boxes)
+        table.set_ends(*self._held_back(ends, boxes))
 
         # Record: the pose histories of the artefacts are views of these frames.
         until_ns = now_ns + self.period_ns
@@ -285,6 +285,23 @@ class CrowdSimulator:
         if np.array_equal(results, ends[rows]):
             return ends, boxes
         return self.table.with_poses(ends, rows, np.array(results))
+
+    def _held_back(self, ends: _Floats, boxes: OrientedBoxes) -> tuple[_Floats, OrientedBoxes]:
+        """Return the end poses (N, 4) and boxes (N); agents that would run into another one stand.
+
+        It may have arrived, or been moved, in the way of a committed trajectory. Tracks go on.
+        """
+        table = self.table
+        held = self.resolver.held_back(boxes, table.boxes)
+        held[[row for row, _ in table.tracks]] = False
+        rows = np.flatnonzero(held)
+        if not len(rows):
+            return ends, boxes
+        self.counts.moved_back += len(rows)
+        poses = table.poses[rows]
+        for row, pose in zip(rows.tolist(), poses.tolist(), strict=True):
+            table.stand(row, GroundPose(*pose))
+        return table.with_poses(ends, rows, poses)
 
 
 def _view_of(robot: RobotMotion | None, plan_m: _Floats) -> RobotView | None:

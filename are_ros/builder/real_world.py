@@ -66,7 +66,7 @@ class RealWorld:
 
     def set_grid(self, grid: OccupancyGrid) -> None:
         """Take a map; one equal to the last changes nothing but its stamp."""
-        if self._grid is None or not _same_map(self._grid, grid):
+        if self._grid is None or not self._grid.is_same_map(grid):
             had_room = self.has_free_cells
             self.environment = self._built(grid, self._voxels)
             if not self.has_free_cells and (had_room or self._grid is None):
@@ -196,15 +196,6 @@ def _said_of_size(voxels: VoxelMap, cloud_voxel_m: float) -> str:
     if times == round(times):
         return said
     return f"{said}; that is no multiple, so that walls are off by up to {cloud_voxel_m / 2:g} m"
-
-
-def _same_map(one: OccupancyGrid, other: OccupancyGrid) -> bool:
-    return one is other or (
-        one.resolution_m == other.resolution_m
-        and np.array_equal(one.origin.translation_m, other.origin.translation_m)
-        and np.array_equal(one.origin.rotation_xyzw, other.origin.rotation_xyzw)
-        and np.array_equal(one.cells, other.cells)
-    )
 
 
 def _same_cloud(one: _Cloud, other: _Cloud) -> bool:

@@ -121,7 +121,7 @@ class Record:
     maps_by_topic: dict[str, list[RealMap]] = field(default_factory=dict)
     maps: list[RealMap] = field(default_factory=list)
     clouds: list[Cloud] = field(default_factory=list)
-    images: list[ImageFormat] = field(default_factory=list)
+    images: dict[str, list[ImageFormat]] = field(default_factory=dict)
     octomaps: Kept[Cloud] = field(default_factory=lambda: Kept[Cloud](_MOST_OCTOMAPS))
     meshes: dict[int, NDArray[np.float64]] = field(default_factory=dict)
     frames: Frames = field(default_factory=Frames)
@@ -218,6 +218,15 @@ class Record:
         # A map from a file is there before the first tick, and logged at its very time.
         return self.maps[0] if self.maps and self.maps[0].since_ns == stamp_ns else None
 
+    def real_map_of_tick(self, stamp_ns: int) -> RealMap | None:
+        """Return the real map of the artefacts at a tick: that of the last sub-step up to it."""
+        if not self.is_live:
+            step_ns = seconds_to_ns(self.settings.motion.step)
+            real = self.real_map_at(stamp_ns - stamp_ns % step_ns)
+            if real is not None:
+                return real
+        return self.real_map_at(stamp_ns)
+
     def take(self, message: RecordedMessage, value: Any) -> None:
         """Keep what matters of a value; ValueError where a map or a cloud is malformed."""
         topic, kind = message.topic, type(value)
@@ -233,7 +242,7 @@ class Record:
         elif kind is ImageFormat:
             self.scans.add_info(topic, value.message)
             if not is_output and topic not in self.infos_of_depths:
-                self.images.append(value)
+                self.images.setdefault(topic, []).append(value)
         elif kind is Transforms:
             for sample in value.samples:
                 self._take_transform(sample, value.at_ns, TF, is_static="static" in topic)

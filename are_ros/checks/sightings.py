@@ -86,13 +86,15 @@ def _sighting_fault(one: Sighting, tau: int, stamp_ns: int) -> str:
 def _image_sizes(record: Record, at_ns: int, cameras: Sequence[str]) -> list[tuple[int, int]]:
     """Return the sizes (width, height) that the image may have; none where nothing tells them.
 
-    With several cameras it is that of the first of `cameras`, the names of those that saw it.
+    With several cameras it is that of the first of `cameras`, the names of those that saw it. Of
+    several CameraInfos, nothing tells which one is that of the only camera.
     """
     camera = record.settings.camera
+    images = [image for of_topic in record.images.values() for image in of_topic]
     if camera.others:
         infos = [
             image
-            for image in record.images
+            for image in images
             if image.message.header.frame_id.lstrip("/") in cameras[:1] or not cameras
         ]
         own = [] if camera.model is CameraModel.AUTO else [(camera.width, camera.height)]
@@ -100,11 +102,12 @@ def _image_sizes(record: Record, at_ns: int, cameras: Sequence[str]) -> list[tup
     if camera.model is not CameraModel.AUTO:
         return [(camera.width, camera.height)]
     if record.is_live:  # a CameraInfo came a little before or after it was recorded
-        return sorted({(image.width, image.height) for image in record.images})
-    if record.images:
-        known = [(image.width, image.height) for image in record.images if image.at_ns < at_ns]
+        return sorted({(image.width, image.height) for image in images})
+    if images:
+        known = [[one for one in some if one.at_ns < at_ns] for some in record.images.values()]
         # What is held since the look before may be in the image of the info before.
-        return known[-2:] or [(camera.width, camera.height)]
+        sizes = [(image.width, image.height) for some in known for image in some[-2:]]
+        return sizes or [(camera.width, camera.height)]
     return [] if record.lacks_inputs else [(camera.width, camera.height)]
 
 

@@ -245,6 +245,7 @@ _KINDS: Final = (
         compressed_type="sensor_msgs/msg/CompressedImage",
         output="depth/image",
         telltale="depth",
+        noun="depth image",
     ),
     SensorKind(
         "image",
@@ -296,6 +297,11 @@ OUTPUT_TYPES: Final = frozenset(
     )
 )
 """The types of all outputs of sensors."""
+
+
+def noun_of(role: str) -> str:
+    """Return what sentences call a reading of a sensor: "scan", "cloud"."""
+    return SENSORS[role].noun or role
 
 
 def sensor_topics(roles: Mapping[str, str]) -> dict[str, SensorKind]:

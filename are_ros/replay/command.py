@@ -18,7 +18,7 @@ from are_ros.describe.site import Site, surveyed
 from are_ros.draw.overview import draw_overview
 from are_ros.draw.viewer import MISSING_VISER, has_viser, write_view
 from are_ros.errors import AreError, MapError
-from are_ros.messages.sensors import SENSORS
+from are_ros.messages.sensors import SENSORS, noun_of
 from are_ros.parameters.declaration import flatten, with_values
 from are_ros.parameters.model import Parameters, SensorsParameters
 from are_ros.parameters.ros_yaml import (
@@ -230,8 +230,7 @@ def complaints(outcome: Outcome) -> list[str]:
     ]
     for topic, problem in sorted(outcome.scan_problems.items()):
         role = outcome.role_of_topic[topic]
-        noun = SENSORS[role].noun or role
-        passed = counted(outcome.scans[topic].passed_through, noun)
+        passed = counted(outcome.scans[topic].passed_through, noun_of(role))
         lines.append(f"{topic}: {passed} passed through unaugmented, the last for: {problem}")
         is_of_time = CLOCKS_DIFFER in problem or WITHOUT_STAMP in problem
         if _is_bare(outcome.scans[topic]) and not is_of_time:
@@ -321,7 +320,7 @@ def inspect_command(
             map_frame=map_frame,
             has_map_file=map_file is not None,
             given_edges=given,
-            scans=sensors_of(topics).get("scan", ()),
+            sensors=sensors_of(topics),
         )
     for line in inspection_lines(inspection):
         echo(line)

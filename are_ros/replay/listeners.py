@@ -5,6 +5,7 @@ from contextlib import suppress
 from struct import error as StructError  # noqa: N812
 from typing import Final
 
+from are_ros.agents.robots import TOO_OLD
 from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.recording import PREFIX
 from are_ros.bag.types import OCTOMAP_TYPE, as_ros2, ros2_type
@@ -25,6 +26,7 @@ from are_ros.parameters.choices import Region
 from are_ros.parameters.model import SensorsParameters
 from are_ros.replay.runner import Listener
 from are_ros.replay.scene_record import SceneRecorder
+from are_ros.wording import percent
 from are_ros.world.environment import Environment
 from are_ros.world.occupancy_grid import OccupancyGrid
 
@@ -156,16 +158,22 @@ class InputCopy(Listener):
         self._writer.write_raw(topic, now_ns, data)
 
 
+SHARE: Final = 0.1
+"""No doubt is reported while at most this share of the ticks gives reason to."""
+
+
 class RecordKeeper(Listener):
     """Keeps the record for pictures, viewer and metrics.
 
     `camera_since_ns` is the time of the first tick that knew the camera, `map_since_ns` that of the
-    first one that knew a map; None before it.
+    first one that knew a map; None before it. Of all `ticks`, the robot's pose was too old at
+    `old_ticks`; `oldest_ns` is how old it was at most.
     """
 
     def __init__(self, recorder: SceneRecorder, builder: ArBuilder) -> None:
         self.camera_since_ns: int | None = None
         self.map_since_ns: int | None = None
+        self.ticks = self.old_ticks = self.oldest_ns = 0
         self._recorder = recorder
         self._builder = builder
         self._scans: dict[str, ReleasedReading] = {}
@@ -176,11 +184,22 @@ class RecordKeeper(Listener):
             self.camera_since_ns = tick.stamp_ns
         if self.map_since_ns is None and self._builder.world.grid is not None:
             self.map_since_ns = tick.stamp_ns
+        self.ticks += 1
+        if tick.map_from_base is None:
+            self._count_old(tick.stamp_ns)
         scans: list[ScanPoints] = []
         if self._recorder.wants_scans:
             scans = [*filter(None, map(self._placed, self._scans.values()))]
             self._scans.clear()
         self._recorder.add(tick, self._builder.camera, scans, self._others(tick.stamp_ns))
+
+    def _count_old(self, stamp_ns: int) -> None:
+        """Count a tick without the robot's pose if there is one that is too old."""
+        robots, map_frame = self._builder.robots, self._builder.parameters.frames.map
+        if robots.missing.endswith(TOO_OLD):
+            known_ns = self._builder.frames.latest_before(map_frame, robots.base_frame(), stamp_ns)
+            self.old_ticks += 1
+            self.oldest_ns = max(self.oldest_ns, stamp_ns - known_ns)
 
     def _others(self, stamp_ns: int) -> list[CameraAt]:
         """Return the cameras after the first whose pose is known."""
@@ -204,8 +223,6 @@ class RecordKeeper(Listener):
 # The robot of a recording must stand on free cells: else the map does not belong to it.
 
 
-_SHARE: Final = 0.1
-"""No doubt is reported while at most this share of the ticks is outside of free cells."""
 _LEAST_AREA_M2: Final = 3.0
 """A robot needs about this area to turn on the spot; a smaller region cannot be right."""
 
@@ -234,7 +251,7 @@ class StandingWatch(Listener):
         """Return a sentence if robot and map do not agree."""
         doubts = []
         outside = self._outside()
-        if outside > _SHARE * self._ticks:
+        if outside > SHARE * self._ticks:
             doubts.append(
                 "the robot stood on occupied or unknown cells, or beyond the map, "
                 f"in {outside} of {self._ticks} ticks"
@@ -243,7 +260,23 @@ class StandingWatch(Listener):
         if self._ticks and kind is Region.REACHABLE and self._area_m2 < _LEAST_AREA_M2:
             doubts.append(f"the robot can reach {self._area_m2:.1f} m^2 of the map at most")
         question = "does the map belong to the recording, and is its frame right?"
-        return [f"{', and '.join(doubts)}: {question}"] if doubts else []
+        return [f"{', and '.join(doubts)}: {question}{self._undecided()}"] if doubts else []
+
+    def _undecided(self) -> str:
+        """Say if many cells of the last map are neither free nor occupied, for its thresholds."""
+        last, settings = self._builder.world.environment, self._builder.parameters.world
+        if last is None:
+            return ""
+        known = last.grid.cells >= 0
+        between = known & ~last.classes.free & ~last.classes.occupied
+        share = float(between.sum()) / max(int(known.sum()), 1)
+        if share <= SHARE:
+            return ""
+        return (
+            f" {percent(share)} of its known cells are neither free, up to world.free_threshold "
+            f"({settings.free_threshold}), nor occupied, from world.occupied_threshold "
+            f"({settings.occupied_threshold}) on: --set world.free_threshold:=N takes more as free"
+        )
 
     def _outside(self) -> int:
         """Return the number of ticks on cells that were not free, then and in the last map.

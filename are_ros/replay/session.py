@@ -32,7 +32,7 @@ from are_ros.parameters.choices import CameraModel, OnRobotContact
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.validation import with_contact_policy
-from are_ros.replay.listeners import InputCopy, RecordKeeper, StandingWatch, TickWriter
+from are_ros.replay.listeners import SHARE, InputCopy, RecordKeeper, StandingWatch, TickWriter
 from are_ros.replay.output_folder import AUGMENTED, prepare_folder, prepare_scenario
 from are_ros.replay.progress import KernelBar, Progress, Stopwatch, said_if_slow
 from are_ros.replay.results import REPLAY_PHASE
@@ -193,6 +193,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
     doubts = [
         *_late_map(replay, keeper),
         *_late_camera(options, replay, keeper),
+        *_old_poses(options, keeper),
         *_upward_cameras(builder, timeline.image_frames),
         *standing.sentences(),
     ]
@@ -302,6 +303,12 @@ def _known_map(
         raise BagError(f"no usable map was received ({reason}): give one with --map FILE.yaml")
     if builder.robots.last is None:
         refused = _refused(replay, _TRANSFORM_ROLES)
+        period_s = 1.0 / builder.parameters.builder.tick_rate
+        if replay.length_ns < 2.0 * period_s * NS_PER_S:
+            raise BagError(
+                f"the {replay.length_ns / NS_PER_S:.3f} s that are replayed are too short to know"
+                f" the robot's pose at a tick: ticks are {period_s:g} s apart (builder.tick_rate)"
+            )
         reason = builder.robots.missing + (f"; refused: {refused}" if refused else "")
         raise BagError(
             f"the robot's pose in the map was never known ({reason}):"
@@ -312,8 +319,9 @@ def _known_map(
 
 def _what_joins(reader: BagReader, builder: ArBuilder, roles: RolesFound) -> str:
     """Return what joins map and robot: topics, an option, or transforms with stamps."""
+    map_frame, base = builder.parameters.frames.map, builder.robots.base_frame()
     unclear = roles.to_choose(_TRANSFORM_ROLES)
-    if unclear and roles.topic("tf") is None:
+    if unclear and (roles.topic("tf") is None or not builder.frames.has_frame(base)):
         options = listed([f"--topic {role}:=/NAME" for role in unclear])
         return f"several topics could tell it, so give {options}"
     if builder.robots.missing.endswith(WITHOUT_STAMP):
@@ -321,11 +329,11 @@ def _what_joins(reader: BagReader, builder: ArBuilder, roles: RolesFound) -> str
     if builder.robots.missing.endswith(TOO_OLD):
         max_age_s = builder.parameters.frames.max_age
         return f"--set frames.max_age:=SECONDS takes older ones; it is {max_age_s:g}"
-    map_frame, base = builder.parameters.frames.map, builder.robots.base_frame()
     parents = {edge.child: edge.parent for edge in builder.frames.edges()}
     root = root_above(base, parents)
     if root == map_frame or not builder.frames.has_frame(base):
-        return "see `are inspect BAG`, and give what is missing with --static-tf or --map-frame"
+        options = "--static-tf, --map-frame or --set frames.base:=NAME"
+        return f"see `are inspect BAG`, and give what is missing with {options}"
     if known := option_of_poses(reader, roles, map_frame, root, base):
         return known
     return (
@@ -385,6 +393,18 @@ def _late_camera(options: ReplayOptions, replay: Replay, keeper: RecordKeeper) -
         f"nothing was perceived in the first {late_s:.1f} s: no CameraInfo came on {topic} before"
     )
     return [f"{said}; {WITHOUT_CAMERA_INFO}"]
+
+
+def _old_poses(options: ReplayOptions, keeper: RecordKeeper) -> list[str]:
+    """Return a sentence if the robot's pose was too old in many ticks."""
+    if keeper.old_ticks <= SHARE * keeper.ticks:
+        return []
+    needed_s = math.ceil(keeper.oldest_ns / (NS_PER_S // 10)) / 10.0
+    said = (
+        f"the robot's pose was more than {options.parameters.frames.max_age:g} s old in "
+        f"{keeper.old_ticks} of {keeper.ticks} ticks, so that nothing was perceived in these"
+    )
+    return [f"{said}: --set frames.max_age:={needed_s:g} takes poses as old as they came"]
 
 
 def _upward_cameras(builder: ArBuilder, image_frames: Collection[str]) -> list[str]:

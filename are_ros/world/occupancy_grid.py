@@ -49,6 +49,15 @@ class OccupancyGrid:
         cells.flags.writeable = False
         object.__setattr__(self, "cells", cells)
 
+    def is_same_map(self, other: "OccupancyGrid") -> bool:
+        """Tell whether the other has the same cells at the same place, whatever its stamp."""
+        return self is other or (
+            self.resolution_m == other.resolution_m
+            and np.array_equal(self.origin.translation_m, other.origin.translation_m)
+            and np.array_equal(self.origin.rotation_xyzw, other.origin.rotation_xyzw)
+            and np.array_equal(self.cells, other.cells)
+        )
+
     @classmethod
     def checked(
         cls,

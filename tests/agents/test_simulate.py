@@ -214,6 +214,21 @@ def test_who_is_moved_back_stands_where_it_was() -> None:
     assert math.dist(before[:2], after[:2]) <= 1.5 * 0.05 * 0.05 + 1e-9
 
 
+def test_nobody_runs_into_one_that_arrives_on_its_way() -> None:
+    """It stands, instead of an overlap from which it would be moved back a sub-step later."""
+    stage, index = walking(Verdicts())
+    stage.crowd.resolver = assembly.collision_resolver(Parameters())
+    one, now_ns = stage.living[1], (index + 1) * STEP_NS
+    x_m, y_m, _, yaw_rad = committed = one.history.latest
+    ahead = math.cos(yaw_rad), math.sin(yaw_rad)
+    apart_m = 0.15 + 0.2 * (abs(ahead[0]) + abs(ahead[1])) + 0.001
+    stage.add(2, POST, x_m + apart_m * ahead[0], y_m + apart_m * ahead[1])
+    stage.step(index + 1)
+    assert one.ground_pose_at(now_ns) == one.ground_pose_at(now_ns + STEP_NS) == committed
+    assert stage.step(index + 2) == []
+    assert stage.crowd.counts.moved_back == 1
+
+
 def test_who_is_displaced_jumps_at_the_instant() -> None:
     """The event tells how far; until then it went where it was bound for."""
     verdicts = Verdicts()

@@ -101,6 +101,14 @@ def test_who_appears_or_goes_does_so_at_its_tick(grids: GridAugmentation) -> Non
     assert sent(grids.update(30 * MS, FREE, {1: patch(0, 3)})) == (False, False, False)
 
 
+def test_a_new_cloud_over_the_same_map_is_no_change(grids: GridAugmentation) -> None:
+    """The environment is another one, the grids go on: a change goes out with its rectangle."""
+    grids.update(0, FREE, {1: patch(2, 2)})
+    same = environment(np.zeros((6, 6)))
+    assert sent(grids.update(200 * MS, same, {1: patch(2, 2)})) == (False, False, False)
+    assert sent(grids.update(400 * MS, same, {1: patch(2, 3)})) == (True, True, True)
+
+
 def test_another_in_the_same_place_is_no_change(grids: GridAugmentation) -> None:
     """Nothing goes out where no byte is another."""
     grids.update(0, FREE, {1: patch(2, 2)})

@@ -853,6 +853,28 @@ def test_a_reported_contact_may_overlap_the_robot(right: Draft, tmp_path: Path) 
     assert result.failures == 2
 
 
+def test_bodies_may_touch_between_two_sub_steps(right: Draft, tmp_path: Path) -> None:
+    """By less than a centimetre, and at the instant of a sub-step not at all."""
+    name, outcomes = "overlaps of artefacts", []
+    for step_s, x_m in ((0.05, 0.37), (0.09, 0.37), (0.09, 0.353)):  # by 4 mm, 4 mm and 2 cm
+        draft = copy.deepcopy(right)
+        draft.values["motion.step"] = step_s
+        _move_artefact(2, x_m, 0.045)(draft)
+        outcomes.append(results_of(draft, tmp_path)[name].outcome)
+    assert outcomes == [Outcome.FAILED, Outcome.PASSED, Outcome.FAILED]
+
+
+def test_a_new_map_counts_from_the_next_sub_step_on(right: Draft, tmp_path: Path) -> None:
+    """A tick between its arrival and that sub-step shows the old one."""
+    for step_s, outcome in ((0.05, Outcome.FAILED), (0.09, Outcome.PASSED)):
+        draft = copy.deepcopy(right)
+        draft.values["motion.step"] = step_s
+        other = copy.deepcopy(draft.messages["/map"][0][1])
+        other.data[other.data == 0] = 50
+        draft.messages["/map"].append((TICKS_NS[5] - 20 * MS, other))
+        assert results_of(draft, tmp_path)["augmented map is current"].outcome is outcome, step_s
+
+
 def test_who_comes_and_goes_waits_for_no_rate(right: Draft, tmp_path: Path) -> None:
     """The rate is that of moves: grids of successive ticks are right if somebody came or went."""
     draft = copy.deepcopy(right)
@@ -1064,6 +1086,19 @@ def test_memory_and_gate_decide_what_the_map_shows(right: Draft, tmp_path: Path)
         results = results_of(draft, tmp_path)
         assert results["augmented map"].outcome is Outcome.FAILED
         assert results["costmap"].outcome is Outcome.FAILED
+
+
+def test_of_several_camera_infos_any_may_be_the_cameras(right: Draft, tmp_path: Path) -> None:
+    """A region is in the image of one of them, whichever comes last; else it is wrong."""
+    type_name = "sensor_msgs/msg/CameraInfo"
+    for larger, outcome in ((640, Outcome.PASSED), (20, Outcome.FAILED)):
+        draft = copy.deepcopy(right)
+        draft.values["camera.model"] = "auto"
+        for k, width in enumerate((larger, 16, 8)):
+            info = MAKE(type_name, width=width, height=width)
+            draft.types[f"/c{k}/camera_info"] = type_name
+            draft.messages[f"/c{k}/camera_info"] = [(START_NS - 40 * MS + k, info)]
+        assert results_of(draft, tmp_path)["perceived"].outcome is outcome
 
 
 def test_the_memory_begins_with_the_last_look(right: Draft, tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from are_ros.parameters.choices import Region
+from are_ros.parameters.model import WorldParameters
 from are_ros.replay.listeners import StandingWatch
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.rigid_transform import RigidTransform
@@ -30,7 +31,7 @@ def watched(
 ) -> list[str]:
     """Return what is said of a robot at (x, 0.5), in one tick with each map."""
     world = SimpleNamespace(environment=None)
-    parameters = SimpleNamespace(population=SimpleNamespace(region=region))
+    parameters = SimpleNamespace(population=SimpleNamespace(region=region), world=WorldParameters())
     builder: Any = SimpleNamespace(world=world, parameters=parameters)
     watch = StandingWatch(builder)
     for world.environment, x_m in zip(maps, places, strict=True):
@@ -81,6 +82,13 @@ def test_a_region_of_next_to_nothing_is_said() -> None:
         for sentence in sentences:
             reach = "the robot can reach 1.2 m^2 of the map at most"
             assert sentence == f"{reach}: {QUESTION}"
+
+
+def test_cells_between_the_thresholds_are_the_reason() -> None:
+    """A map of probabilities, of which the usual threshold takes few as free."""
+    row = environment([10, 30, 45, 100])
+    (sentence,) = watched([row], [1.5], area_m2=0.5, region=Region.REACHABLE)
+    assert "? 50.0 % of its known cells are neither free, up to world.free_thr" in sentence
 
 
 def test_a_replay_says_it_of_a_wrong_frame(

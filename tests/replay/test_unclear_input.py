@@ -252,6 +252,10 @@ def test_of_two_robots_one_has_to_be_chosen(
         "so give --topic tf:=/NAME, --topic tf_static:=/NAME and --topic odom:=/NAME"
     )
     assert "no camera is chosen: a pinhole" in done.stderr
+    shared = [(topic.replace("/r1/tf", "/tf").replace("/r2/tf", "/tf"), *r) for topic, *r in both]
+    done = run_are("replay", write_bag(tmp_path / "tf.mcap", shared), "--out", tmp_path / "out")
+    assert done.returncode == 1
+    assert done.stderr.rstrip().endswith("so give --topic odom:=/NAME")
     roles = {"tf": "tf", "tf_static": "tf_static", "odom": "odom", "scan": "scan"}
     words = [w for role, topic in roles.items() for w in ("--topic", f"{role}:=/r2/{topic}")]
     done = run_are("replay", bag, *words, "--out", tmp_path / "out")
@@ -275,6 +279,40 @@ def test_a_pose_that_comes_too_late_names_the_parameter(
     assert "s old): --set frames.max_age:=SECONDS takes older ones; it is 0.5" in done.stderr
     words = ("--set", "frames.max_age:=1.5", "--out", tmp_path / "out")
     assert run_are("replay", bag, *words).returncode == 0
+
+
+def test_a_pose_that_is_too_old_most_of_the_time_names_the_parameter(
+    run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path
+) -> None:
+    """A localiser that speaks every two seconds: the number that is given is enough."""
+    records, next_ns = list[Any](), 0
+    for record in sample_records:
+        if record[0] == "/tf" and record[2].transforms[0].header.frame_id == "map":
+            if record[1] < next_ns:
+                continue
+            next_ns = record[1] + 2 * NS_PER_S
+        records.append(record)
+    bag = write_bag(tmp_path / "rare.mcap", records)
+    done = run_are("replay", bag, "--out", tmp_path / "out")
+    (line,) = [line for line in done.stderr.splitlines() if "robot's pose was more than" in line]
+    assert "more than 0.5 s old in 3" in line
+    assert "of 50 ticks, so that nothing was perceived in these: --set frames.max_age:=" in line
+    option = line.split("--set ")[1].split()[0]
+    done = run_are("replay", bag, "--set", option, "--out", tmp_path / "out")
+    assert "robot's pose was more than" not in done.stderr
+    assert "1 of 50 ticks without camera or its pose" in done.stderr
+
+
+def test_a_recording_that_ends_before_a_tick_says_so(
+    run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path
+) -> None:
+    """It is the length that it lacks, and no transform."""
+    end_ns = sample_records[0][1] + NS_PER_S // 25
+    records = [record for record in sample_records if record[1] < end_ns]
+    bag = write_bag(tmp_path / "short.mcap", records)
+    done = run_are("replay", bag, "--out", tmp_path / "out")
+    assert done.returncode == 1
+    assert "are too short to know the robot's pose at a tick: ticks are 0.1 s apart" in done.stderr
 
 
 def test_a_camera_in_the_frame_of_its_body_is_told_with_its_remedy(

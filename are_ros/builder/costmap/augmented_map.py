@@ -197,7 +197,7 @@ class GridAugmentation:
         self._costmap = costmap
         self._map_limit = RateLimit(max_rate_hz)
         self._costmap_limit = RateLimit(max_rate_hz)
-        self._environment: Environment | None = None
+        self._real: OccupancyGrid | None = None
         self._patches: Mapping[int, CellPatch] = {}
         self._shown: frozenset[int] = frozenset()
 
@@ -207,15 +207,19 @@ class GridAugmentation:
             limit.set_rate(max_rate_hz)
 
     def prepare(self, environment: Environment) -> None:
-        """Take the real map and inflate it, if it is another one than before."""
-        if self._environment is environment:
-            return
+        """Take the real map and inflate it, if it is another one than before.
+
+        A new cloud makes a new environment of the same map: the grids go on as they are.
+        """
         classes, grid = environment.classes, environment.grid
+        last, self._real = self._real, grid
+        if last is not None and last.is_same_map(grid):
+            return
         unknown = ~(classes.occupied | classes.free)
         self._map = AugmentedMap(grid.cells)
         self._artefacts = AugmentedMap(np.zeros_like(grid.cells))
         self._costmap.set_map(classes.occupied, unknown, grid.resolution_m)
-        self._environment, self._patches = environment, {}
+        self._patches = {}
 
     def update(
         self, now_ns: int, environment: Environment, patches: Mapping[int, CellPatch]

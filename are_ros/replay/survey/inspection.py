@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 from are_ros.bag.clock import (
@@ -18,7 +19,7 @@ from are_ros.bag.stretches import Stretches, scan_waits, stretches_of, wait_sent
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.images.image import read_camera_info
-from are_ros.messages.sensors import SENSORS, lens_topics
+from are_ros.messages.sensors import SENSORS, lens_topics, noun_of
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.model import PosesParameters, SensorsParameters
 from are_ros.replay.survey.frame_survey import FrameSurvey, FrameSurveyor, hertz, static_tf_option
@@ -56,15 +57,15 @@ class Inspection:
 
     `base_frame` is "" where none was found. `missing` has a sentence with the option for each input
     that a replay needs or could use; it is empty for a recording that can be replayed as it is.
-    `scans` are the scan topics that the user names. `time` has sentences about the clock, the gaps
-    and late transforms.
+    `sensors` are the topics that the user names for each sensor's role. `time` has sentences about
+    the clock, the gaps and late transforms.
     """
 
     start_ns: int
     end_ns: int
     topics: tuple[InspectedTopic, ...]
     roles: RolesFound
-    scans: tuple[str, ...]
+    sensors: Mapping[str, Sequence[str]]
     frames: FrameSurvey
     map_frame: str
     base_frame: str
@@ -80,21 +81,22 @@ def inspect_bag(
     base_frame: str = "",
     has_map_file: bool = False,
     given_edges: Iterable[tuple[str, str]] = (),
-    scans: Sequence[str] = (),
+    sensors: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> Inspection:
     """Look through an open recording: all its transforms, and one message of each useful topic.
 
     `overrides` are the user's topics by role, `given_edges` the (parent, child) of the transforms
-    that come by parameter or option, `scans` all topics that are to be scans; `map_frame` and
+    that come by parameter or option, `sensors` all topics of each sensor's role; `map_frame` and
     `base_frame` are those of the parameters (base empty: as `base_frame_of`). BagError
     as `find_roles` and the reader.
     """
     roles = find_roles(reader.topics, overrides or {})
-    for topic in scans:
-        find_roles(reader.topics, {"scan": topic})  # refuses what is no scan
+    named = {topic: role for role, topics in sensors.items() for topic in topics}
+    for topic, role in named.items():
+        find_roles(reader.topics, {role: topic})  # refuses what is of another type
     given_edges = tuple(given_edges)
     frame_ids = _first_frames(reader)
-    times = RecordedTimes.read(reader, _timed(reader, roles, scans), reader.start_ns, reader.end_ns)
+    times = RecordedTimes.read(reader, _timed(reader, roles, named), reader.start_ns, reader.end_ns)
     clock, trouble = _clock(times)
     stretches = stretches_of(times, clock, reader.start_ns, reader.end_ns, reader.files)
     survey = _survey(reader, roles, given_edges, clock, stretches)
@@ -106,17 +108,17 @@ def inspect_bag(
     of_map = "" if has_map_file else frame_ids.get(map_topic or "", "")
     world_frame, map_frame = map_frame, of_map or map_frame
     base_frame = base_frame or base_frame_of(survey.frames(), times.odometry_child)
-    sensors = roles.by_topic(_SENSOR_ROLES)
+    role_of_topic = roles.by_topic(_SENSOR_ROLES) | named
     missing = [
         *([] if map_topic or has_map_file else [_NO_MAP]),
         *_other_map_frame(map_topic, map_frame, world_frame),
         *survey.refused,
         *_missing_pose(survey, map_frame, base_frame, reader, roles),
         *_turned_round(survey),
-        *_missing_mounts(survey, (*sensors, *scans), frame_ids, base_frame),
+        *_missing_mounts(survey, role_of_topic, frame_ids, base_frame),
         *_missing_cloud_frame(survey, roles.topic(_CLOUD), frame_ids, map_frame),
         *_missing_camera(reader, roles),
-        *_missing_lenses(reader, sensors),
+        *_missing_lenses(reader, role_of_topic),
         *_missing_stamps(times),
         *_missing_repeats(survey, reader.end_ns - reader.start_ns),
     ]
@@ -125,7 +127,7 @@ def inspect_bag(
         reader.end_ns,
         topics,
         roles,
-        tuple(scans),
+        sensors,
         survey,
         map_frame,
         base_frame,
@@ -133,14 +135,14 @@ def inspect_bag(
         (
             *stretches.sentences(reader.start_ns),
             *filter(None, (clock.sentence, clock.disagreement, trouble)),
-            *_waits(times, clock, map_frame, given_edges),
+            *_waits(times, clock, role_of_topic, map_frame, given_edges),
         ),
     )
 
 
-def _timed(reader: BagReader, roles: RolesFound, scans: Iterable[str]) -> dict[str, str]:
+def _timed(reader: BagReader, roles: RolesFound, named: dict[str, str]) -> dict[str, str]:
     """Return the roles of the topics that tell the time; all scans where none is chosen."""
-    found = roles.by_topic(("tf_static", *MOVING_ROLES)) | dict.fromkeys(scans, "scan")
+    found = roles.by_topic(("tf_static", *MOVING_ROLES)) | named
     if "scan" not in found.values():
         types = ROLE_TYPES["scan"]
         found |= {topic.name: "scan" for topic in reader.topics if topic.type_name in types}
@@ -164,15 +166,19 @@ def _clock(times: RecordedTimes) -> tuple[BagClock, str]:
 
 
 def _waits(
-    times: RecordedTimes, clock: BagClock, map_frame: str, given_edges: Iterable[tuple[str, str]]
+    times: RecordedTimes,
+    clock: BagClock,
+    role_of_topic: Mapping[str, str],
+    map_frame: str,
+    given_edges: Iterable[tuple[str, str]],
 ) -> Iterable[str]:
-    """Say how long scans wait for their transforms, where anything joins them to the map."""
+    """Say how long readings wait for their transforms, where anything joins them to the map."""
     waits = scan_waits(times, clock, map_frame, given_edges)
     for topic, waits_ns in waits.items():
         if len(waits_ns):
-            scans = len(times.scans[topic].log_ns)
+            count, noun = len(times.scans[topic].log_ns), noun_of(role_of_topic.get(topic, "scan"))
             wait_s, history_s = SensorsParameters().tf_wait, PosesParameters().history
-            yield wait_sentence(topic, waits_ns, scans, wait_s, history_s)
+            yield wait_sentence(topic, noun, waits_ns, count, wait_s, history_s)
 
 
 def _first_frames(reader: BagReader) -> dict[str, str]:
@@ -215,7 +221,7 @@ def _survey(
         is_static = message.topic == static_topic
         received_ns = clock.at(message.log_time_ns)
         surveyor.see(transforms, message.topic, received_ns, is_static=is_static)
-    _survey_odometry(reader, roles.topic("odom"), surveyor)
+    _survey_odometry(reader, roles.topic("odom"), clock, surveyor)
     given = [_edge(parent, child, reader.start_ns) for parent, child in given_edges]
     source = TransformSource.PARAMETER
     surveyor.see(given, _GIVEN, reader.start_ns, is_static=True, source=source)
@@ -223,7 +229,9 @@ def _survey(
     return surveyor.survey(gaps, clock.apart)
 
 
-def _survey_odometry(reader: BagReader, topic: str | None, surveyor: FrameSurveyor) -> None:
+def _survey_odometry(
+    reader: BagReader, topic: str | None, clock: BagClock, surveyor: FrameSurveyor
+) -> None:
     """Take in the odometry's edge where it has both names (an empty child means the base)."""
     if topic is None:
         return
@@ -231,9 +239,10 @@ def _survey_odometry(reader: BagReader, topic: str | None, surveyor: FrameSurvey
     if first is None or not (first.header.frame_id and first.child_frame_id):
         return
     for message in reader.messages((topic,)):
-        edge = _edge(first.header.frame_id, first.child_frame_id, message.log_time_ns)
+        received_ns = clock.at(message.log_time_ns)
+        edge = _edge(first.header.frame_id, first.child_frame_id, received_ns)
         source = TransformSource.ODOMETRY
-        surveyor.see((edge,), topic, message.log_time_ns, is_static=False, source=source)
+        surveyor.see((edge,), topic, received_ns, is_static=False, source=source)
 
 
 def _edge(parent: str, child: str, stamp_ns: int) -> StampedTransform:
@@ -382,10 +391,9 @@ def inspection_lines(inspection: Inspection) -> list[str]:
 
 
 def _players(inspection: Inspection, role: str) -> str:
-    """Return the topics of a role: several only of scans."""
-    if role == "scan" and inspection.scans:
-        return ", ".join(inspection.scans)
-    return inspection.roles.topic(role) or "-"
+    """Return the topics of a role: several only of sensors."""
+    named = ", ".join(inspection.sensors.get(role, ()))
+    return named or inspection.roles.topic(role) or "-"
 
 
 def _topic_cells(entry: InspectedTopic) -> tuple[str, ...]:

@@ -177,13 +177,51 @@ def test_both_of_two_lasers_are_inspected(
     records = [("/tf_static", 0, mounts), ("/front", 0, scan(factory, 0)), ("/rear", 0, rear)]
     path = write_bag(tmp_path / "bag.mcap", records)
     options = {"overrides": {"scan": "/front"}, "has_map_file": True}
-    inspection = inspected(path, **options, scans=("/front", "/rear"))
+    inspection = inspected(path, **options, sensors={"scan": ("/front", "/rear")})
     assert any(
         line.split() == ["scan", "/front,", "/rear"] for line in inspection_lines(inspection)
     )
     assert "nothing joins rear_laser, the frame of /rear, to base_link" in inspection.missing[-1]
     with pytest.raises(BagError, match="scan:=/tf_static: that topic is of type"):
-        inspected(path, **options, scans=("/front", "/tf_static"))
+        inspected(path, **options, sensors={"scan": ("/front", "/tf_static")})
+
+
+def test_both_of_two_depth_cameras_are_inspected(
+    complete: Path, tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """The second one, too, is listed, and its mount, its CameraInfo and its waits are told."""
+    with BagReader([complete]) as reader:
+        records = [(m.topic, m.log_time_ns, reader.deserialize(m)) for m in reader.messages()]
+    for topic, frame in (("/left/depth", "laser"), ("/right/depth", "stray")):
+        header = make_header(factory, frame, S)
+        records.append((topic, S, factory.make("sensor_msgs/msg/Image", header=header)))
+    records.sort(key=lambda record: record[1])
+    path = write_bag(tmp_path / "both.mcap", records)
+    topics = ("/right/depth", "/left/depth")
+    inspection = inspected(
+        path, overrides={"depth": topics[0]}, sensors={"depth": topics}, map_frame="earth"
+    )
+    lines = [line.split() for line in inspection_lines(inspection)]
+    assert ["depth", "/right/depth,", "/left/depth"] in lines
+    stray, *lenses = inspection.missing
+    assert "nothing joins stray, the frame of /right/depth, to base_link" in stray
+    assert [lens.split()[0] for lens in lenses] == list(topics)
+    assert "/left/depth: depth images wait up to 0.000 s for their transforms" in inspection.time
+
+
+def test_the_rate_of_an_odometry_is_that_of_its_clock(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """A simulation that runs at twice the time of the log, decades behind it: 10 Hz is 10 Hz."""
+    edges = [transform("odom", "base_link", 0)]
+    records = []
+    for k in range(40):
+        log_ns, stamp_ns = 10**18 + k * S // 20, k * S // 10
+        edges = [transform("odom", "base_link", stamp_ns)]
+        records.append(("/odom", log_ns, odometry(factory, stamp_ns)))
+        records.append(("/tf", log_ns + 1, make_transforms(factory, edges)))
+    (edge,) = inspected(write_bag(tmp_path / "bag.mcap", records)).frames.edges
+    assert edge.rate_hz == pytest.approx(20.0, rel=0.1)  # that of both topics together
 
 
 def test_the_real_hall_is_understood(real_data: Path) -> None:
