@@ -1,6 +1,7 @@
 """The command line: help, usage, exit status, and processes of its own."""
 
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -278,3 +279,30 @@ def test_a_process_of_its_own_replays(tmp_path: Path) -> None:
     assert (done.returncode, done.stdout) == (0, "")
     checked = run_process("check", out)
     assert (checked.returncode, checked.stderr) == (0, "")
+
+
+def test_a_ctrl_c_that_a_compiled_kernel_turns_into_an_error_interrupts(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It ends in a sentence, as any other does; the same error without a Ctrl-C is not hidden."""
+
+    def command(**_: object) -> None:
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            raise SystemError("a kernel returned a result with an exception set") from None
+
+    def broken(**_: object) -> None:
+        raise SystemError("a kernel is broken")
+
+    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        monkeypatch.setattr(cli, "are", command)
+        assert end_of(monkeypatch) == 130
+        assert capsys.readouterr().err == "are: interrupted\n"
+        monkeypatch.setattr(cli, "are", broken)
+        with pytest.raises(SystemError, match="is broken"):
+            main()
+    finally:
+        signal.signal(signal.SIGINT, before)
