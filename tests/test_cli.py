@@ -103,6 +103,7 @@ def test_version_is_the_package_s() -> None:
         (("play", "a.bag", "--rate", "0"), ("'--rate': 0 is less than 0.001",)),
         (("play", "a.bag", "--clock", "1001"), ("'--clock': 1001 is more than 1000",)),
         (("play", "a.bag", "--duration", "nan"), ("'--duration': 'nan' is not a number",)),
+        (("soak", "--map", "a.yaml", "--minutes", "0"), ("'--minutes': 0 is less than 0.001",)),
         (("record",), ("OUT", "(see `are record --help`)")),
         (("record", "a", "b"), ("(b)", "(see `are record --help`)")),
         (("demo", "--rate", "x"), ("'--rate'", "(see `are demo --help`)")),
@@ -306,3 +307,14 @@ def test_a_ctrl_c_that_a_compiled_kernel_turns_into_an_error_interrupts(
             main()
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def test_a_soak_that_could_not_be_written_does_not_begin(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """The folder of its results is made before, not after minutes of work."""
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr("are_ros.lab.soak.soak", lambda *_, **__: pytest.fail("it has begun"))
+    made = str(SAMPLE.with_name("sample_office_map.yaml"))
+    assert end_of(monkeypatch, "soak", "--map", made, "--out", str(tmp_path / "file")) == 1
+    assert capsys.readouterr().err.endswith("the folder cannot be made (it is a file)\n")
