@@ -252,18 +252,20 @@ def needed_wait_s(waits: Mapping[str, Ints], history_s: float) -> float:
 def wait_sentence(
     topic: str, waits_ns: Ints, scans: int, tf_wait_s: float, history_s: float
 ) -> str:
-    """Return a sentence on the waits of a topic's scans, and the `sensors.tf_wait` they need."""
+    """Return a sentence on the waits of a topic's readings, and the `sensors.tf_wait` they need."""
     known_ns = _in_reach(waits_ns, history_s)
     late, lost = len(waits_ns) - len(known_ns), scans - len(waits_ns)
     most = f"more than {_REACH * history_s:g} s, too late for any wait"
-    said_of = [f"{late} of {counted(scans, 'scan')} get their transform after {most}"] * (late > 0)
-    said_of += [f"{lost} of {counted(scans, 'scan')} never get their transform"] * (lost > 0)
+    said_of = [f"{late} of {counted(scans, 'reading')} get their transform after {most}"] * (
+        late > 0
+    )
+    said_of += [f"{lost} of {counted(scans, 'reading')} never get their transform"] * (lost > 0)
     never = "; ".join(said_of)
     if not len(known_ns):
         return f"{topic}: {never}"
     longest_s = float(known_ns.max()) / NS_PER_S
     needed_s = needed_wait_s({topic: waits_ns}, history_s)
-    said = f"{topic}: scans wait up to {longest_s:.3f} s for their transforms"
+    said = f"{topic}: readings wait up to {longest_s:.3f} s for their transforms"
     if needed_s > tf_wait_s:
         most_s = float(np.percentile(known_ns, 99)) / NS_PER_S
         said += (

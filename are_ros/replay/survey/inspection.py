@@ -166,7 +166,7 @@ def _clock(times: RecordedTimes) -> tuple[BagClock, str]:
 def _waits(
     times: RecordedTimes, clock: BagClock, map_frame: str, given_edges: Iterable[tuple[str, str]]
 ) -> Iterable[str]:
-    """Say how long scans wait for their transforms, where anything joins them to the map."""
+    """Say how long readings wait for their transforms, where anything joins them to the map."""
     waits = scan_waits(times, clock, map_frame, given_edges)
     for topic, waits_ns in waits.items():
         if len(waits_ns):
