@@ -9,6 +9,7 @@ import click
 from are_ros.cli.options import (
     FILE,
     IMPERFECT,
+    ROS_NAME,
     SECONDS,
     Amount,
     animate_option,
@@ -174,7 +175,7 @@ def check(recording: Path, map_file: Path | None, parameters_file: Path | None) 
 @click.option(
     "--port", type=click.IntRange(0, 65535), default=8080, show_default=True, help="For --live."
 )
-@click.option("--namespace", metavar="NAME", help="That of the node, for --live.")
+@click.option("--namespace", metavar="NAME", type=ROS_NAME, help="That of the node, for --live.")
 def view(
     recording: Path | None,
     out: Path | None,
