@@ -1,6 +1,7 @@
 """The command line: help, usage, exit status, and processes of its own."""
 
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -102,6 +103,13 @@ def test_version_is_the_package_s() -> None:
         (("play", "a.bag", "--rate", "0"), ("'--rate': 0 is less than 0.001",)),
         (("play", "a.bag", "--clock", "1001"), ("'--clock': 1001 is more than 1000",)),
         (("play", "a.bag", "--duration", "nan"), ("'--duration': 'nan' is not a number",)),
+        (("soak", "--map", "a.yaml", "--minutes", "0"), ("'--minutes': 0 is less than 0.001",)),
+        (("play", "a.bag", "--lockstep", "a b"), ("'--lockstep': 'a b' is no name in ROS 2",)),
+        (("play", "a.bag", "--wait-for", "/a//b"), ("'--wait-for': '/a//b' is no name",)),
+        (("view", "--live", "--namespace", "/robots/1st"), ("'/robots/1st' is no name",)),
+        (("node", "--namespace", "my robot"), ("'--namespace': 'my robot' is no name",)),
+        (("guard", "--namespace", "my robot"), ("'--namespace': 'my robot' is no name",)),
+        (("record", "a", "--wait-for", "/a b"), ("'--wait-for': '/a b' is no name in ROS",)),
         (("record",), ("OUT", "(see `are record --help`)")),
         (("record", "a", "b"), ("(b)", "(see `are record --help`)")),
         (("demo", "--rate", "x"), ("'--rate'", "(see `are demo --help`)")),
@@ -278,3 +286,41 @@ def test_a_process_of_its_own_replays(tmp_path: Path) -> None:
     assert (done.returncode, done.stdout) == (0, "")
     checked = run_process("check", out)
     assert (checked.returncode, checked.stderr) == (0, "")
+
+
+def test_a_ctrl_c_that_a_compiled_kernel_turns_into_an_error_interrupts(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It ends in a sentence, as any other does; the same error without a Ctrl-C is not hidden."""
+
+    def command(**_: object) -> None:
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            raise SystemError("a kernel returned a result with an exception set") from None
+
+    def broken(**_: object) -> None:
+        raise SystemError("a kernel is broken")
+
+    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        monkeypatch.setattr(cli, "are", command)
+        assert end_of(monkeypatch) == 130
+        assert capsys.readouterr().err == "are: interrupted\n"
+        monkeypatch.setattr(cli, "are", broken)
+        with pytest.raises(SystemError, match="is broken"):
+            main()
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_a_soak_that_could_not_be_written_does_not_begin(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """The folder of its results is made before, not after minutes of work."""
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr("are_ros.lab.soak.soak", lambda *_, **__: pytest.fail("it has begun"))
+    made = str(SAMPLE.with_name("sample_office_map.yaml"))
+    assert end_of(monkeypatch, "soak", "--map", made, "--out", str(tmp_path / "file")) == 1
+    assert capsys.readouterr().err.endswith("the folder cannot be made (it is a file)\n")

@@ -161,7 +161,7 @@ def _is_ros1(path: Path) -> bool:
             " decompress it (zstd -d)"
         )
     if path.suffix not in (".bag", *_ROS2_SUFFIXES):
-        message = f"{path}: no recording; rosbag2 folders, .mcap, .db3 and .bag files are"
+        message = f"{path}: it is no recording; give a rosbag2 folder, an .mcap, .db3 or .bag file"
         raise BagError(message)
     return path.suffix == ".bag"
 

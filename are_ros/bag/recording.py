@@ -96,7 +96,7 @@ def find_recording(path: Path) -> RecordingFiles:
             "out is needed: run `are replay` on it first, and give the folder of the results"
         )
     if path.suffix not in _SUFFIXES:
-        raise BagError(f"{path}: no recording of ROS 2; .mcap and .db3 files are")
+        raise BagError(f"{path}: it is no recording of ROS 2, whose files end in .mcap or .db3")
     is_replay = path.name == RECORDING and (path.parent / _METRICS).is_file()
     return RecordingFiles(path, (path,), _parameters_in(path.parent), is_replay)
 

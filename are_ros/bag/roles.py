@@ -6,6 +6,7 @@ from types import MappingProxyType
 from typing import Final
 
 from are_ros.bag.reader import BagTopic
+from are_ros.bag.recording import PREFIX
 from are_ros.bag.types import OCTOMAP_TYPE
 from are_ros.errors import BagError
 from are_ros.messages.images.image import camera_info_topic, raw_topic
@@ -88,11 +89,11 @@ def find_roles(topics: Sequence[BagTopic], overrides: Mapping[str, str]) -> Role
     A topic that another role has by name is not considered. Where two roles share a type, the name
     decides ("octomap", "static"); centres of voxels go before octrees. Of several CameraInfo that
     beside the image is taken, else that beside the depth image. Topics without messages do not
-    count.
+    count, nor do the node's own, unless an override names one.
     BagError for an override of an unknown role, with an absent topic, or one of another type.
     """
     chosen = {role: _overridden(topics, role, name) for role, name in overrides.items()}
-    filled = [topic for topic in topics if topic.count > 0]
+    filled = [topic for topic in topics if topic.count > 0 and PREFIX not in topic.name]
     for role in ROLE_TYPES:
         if role not in chosen:
             default = _named(filled, f"/{role}", role)

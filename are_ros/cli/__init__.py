@@ -5,7 +5,9 @@ input was refused or left out, a result could not be written, or a check failed;
 """
 
 import os
+import signal
 import sys
+from types import FrameType
 from typing import NoReturn
 
 # OpenCV reads it when it is imported: a damaged picture is refused in our own sentence.
@@ -41,6 +43,7 @@ for _command in (*offline.COMMANDS, *live.COMMANDS):
 
 def main() -> None:
     """Run `are`; an error is one sentence, with exit status 1, or 2 for wrong usage."""
+    interrupts = _noted_interrupts()
     try:
         sys.exit(are(standalone_mode=False))
     except AreError as error:
@@ -50,6 +53,28 @@ def main() -> None:
         _fail(f"{error.format_message().rstrip('.')} (see `{command} --help`)", error.exit_code)
     except (KeyboardInterrupt, click.Abort):
         _fail("interrupted", INTERRUPTED)
+    except Exception:
+        if not interrupts:
+            raise
+        _fail("interrupted", INTERRUPTED)
+
+
+def _noted_interrupts() -> list[int]:
+    """Return a list that gets the signal of each Ctrl-C from now on, before it interrupts.
+
+    Numba's C code raises a SystemError in place of the KeyboardInterrupt, or loses it and fails
+    later; what cannot be raised then is not shown.
+    """
+    interrupts: list[int] = []
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        interrupts.append(number)
+        sys.unraisablehook = lambda _: None
+        signal.default_int_handler(number, frame)
+
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, interrupt)
+    return interrupts
 
 
 def _fail(sentence: str, status: int) -> NoReturn:

@@ -13,6 +13,7 @@ from are_ros.cli.options import (
     FILE,
     IMPERFECT,
     PARAMETER,
+    ROS_NAME,
     SECONDS,
     Amount,
     animate_option,
@@ -36,7 +37,9 @@ _RATE = Amount("factor", 0.001, 1e6)
     multiple=True,
     help="As in replay.",
 )
-@click.option("--namespace", metavar="NAME", help="Namespace of the node and of its topics.")
+@click.option(
+    "--namespace", metavar="NAME", type=ROS_NAME, help="Namespace of the node and of its topics."
+)
 @click.option("--use-sim-time", is_flag=True, help="Go by /clock.")
 @click.argument("ros_args", metavar="[ROS ARGUMENTS]", nargs=-1, type=click.UNPROCESSED)
 def node(
@@ -85,7 +88,7 @@ def _ros_words(
 @click.command(
     short_help="Give the real map back if the node is killed.", context_settings=_PASSED_ON
 )
-@click.option("--namespace", metavar="NAME", help="That of the node.")
+@click.option("--namespace", metavar="NAME", type=ROS_NAME, help="That of the node.")
 @click.argument("ros_args", metavar="[ROS ARGUMENTS]", nargs=-1, type=click.UNPROCESSED)
 def guard(namespace: str | None, ros_args: tuple[str, ...]) -> None:
     """Watch the node `ar_builder`, and publish the real map if it is killed.
@@ -123,6 +126,7 @@ def guard(namespace: str | None, ros_args: tuple[str, ...]) -> None:
 @click.option(
     "--lockstep",
     metavar="NODE",
+    type=ROS_NAME,
     multiple=True,
     help="As fast as this node can: the time goes on when it has taken everything earlier. "
     "Repeatable: the slowest sets the pace.",
@@ -130,6 +134,7 @@ def guard(namespace: str | None, ros_args: tuple[str, ...]) -> None:
 @click.option(
     "--wait-for",
     metavar="NODE",
+    type=ROS_NAME,
     multiple=True,
     help="Begin when this node listens; wait ten minutes at most. Repeatable.",
 )
@@ -155,7 +160,13 @@ def play(**options: Any) -> None:
 )
 @click.option("--exclude", metavar="/TOPIC", multiple=True, help="Leave out. Repeatable.")
 @click.option("--duration", "duration_s", type=SECONDS, help="Stop after this long.")
-@click.option("--wait-for", metavar="/TOPIC", multiple=True, help="Ready when it has a publisher.")
+@click.option(
+    "--wait-for",
+    metavar="/TOPIC",
+    type=ROS_NAME,
+    multiple=True,
+    help="Ready when it has a publisher.",
+)
 @click.option("--use-sim-time", is_flag=True, help="Log times are those of /clock.")
 @click.option("--overwrite", is_flag=True, help="Replace a recording that is there.")
 def record(**options: Any) -> None:

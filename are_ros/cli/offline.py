@@ -9,6 +9,7 @@ import click
 from are_ros.cli.options import (
     FILE,
     IMPERFECT,
+    ROS_NAME,
     SECONDS,
     Amount,
     animate_option,
@@ -174,7 +175,7 @@ def check(recording: Path, map_file: Path | None, parameters_file: Path | None) 
 @click.option(
     "--port", type=click.IntRange(0, 65535), default=8080, show_default=True, help="For --live."
 )
-@click.option("--namespace", metavar="NAME", help="That of the node, for --live.")
+@click.option("--namespace", metavar="NAME", type=ROS_NAME, help="That of the node, for --live.")
 def view(
     recording: Path | None,
     out: Path | None,
@@ -363,7 +364,7 @@ _LOGGED_EVERY_S: Final = 60.0
 @click.option("--map", "map_file", metavar="FILE.yaml", type=FILE, required=True, help="The map.")
 @click.option(
     "--minutes",
-    type=Amount("minutes"),
+    type=Amount("minutes", least=0.001),
     default=100.0,
     show_default=True,
     help="Artefact-minutes to judge, all lives together.",
@@ -382,18 +383,27 @@ def soak(**options: Any) -> None:
     from tqdm import tqdm
 
     from are_ros.builder.assembly import catalogue_of
+    from are_ros.lab.soak import RESULTS, write_soak
     from are_ros.lab.soak import soak as run
-    from are_ros.lab.soak import write_soak
     from are_ros.replay.command import effective_parameters
+    from are_ros.replay.output_folder import prepare_folder
     from are_ros.world.map_io import read_map_file
 
     parameters = effective_parameters(
         options["parameter_files"], options["assignments"], options["seed"]
     )
     grid = read_map_file(options["map_file"], parameters.frames.map)
+    prepare_folder(options["out"], RESULTS)
     minutes = options["minutes"]
-    interval_s = 0.1 if sys.stderr.isatty() else _LOGGED_EVERY_S
-    bar: tqdm[NoReturn] = tqdm(total=minutes, bar_format=_LAYOUT, mininterval=interval_s, delay=1.0)
+    is_shown = sys.stderr.isatty()
+    interval_s = 0.1 if is_shown else _LOGGED_EVERY_S
+    bar: tqdm[NoReturn] = tqdm(
+        total=minutes,
+        bar_format=_LAYOUT if is_shown else f"{_LAYOUT}\n",
+        mininterval=interval_s,
+        maxinterval=_LOGGED_EVERY_S,
+        delay=1.0,
+    )
 
     def move(done_min: float) -> None:
         bar.update(min(done_min, minutes) - bar.n)

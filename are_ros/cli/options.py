@@ -1,6 +1,7 @@
 """Options that several commands of `are` share, notices, and exit statuses."""
 
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -64,6 +65,24 @@ TOPIC: Final = Assignment("ROLE:=/TOPIC", "scan:=/front/scan")
 
 PARAMETER: Final = Assignment("NAME:=VALUE", "population.arrival_rate:=0.001")
 """A value for a parameter."""
+
+
+class RosName(click.types.StringParamType):
+    """A name in the graph of ROS 2, with its namespace or without."""
+
+    name = "name"
+    _FORM: Final = re.compile(r"/?([a-z_]\w*(/[a-z_]\w*)*/?)?", re.ASCII | re.IGNORECASE)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Return the name; a usage error where ROS takes no such name."""
+        if not self._FORM.fullmatch(value):
+            form = "letters, digits and _, none beginning with a digit, with / between"
+            self.fail(f"'{value}' is no name in ROS 2, which takes {form}", param, ctx)
+        return str(value)
+
+
+ROS_NAME: Final = RosName()
+"""A node, a topic or a namespace."""
 
 
 class Film(click.Path):

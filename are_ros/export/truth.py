@@ -86,10 +86,9 @@ class TruthReader:
         self.recording = Recording(found)
         with self.recording as recording:
             self._types = recording.types
-            roles = find_roles(recording.topics, {}).by_topic(_ROLES)
+            self._roles = find_roles(recording.topics, {}).by_topic(_ROLES)
         if _ARTEFACTS not in self._types:
             raise BagError(f"{path}: it holds no {_ARTEFACTS}, so nothing is known of artefacts")
-        self._roles = {topic: role for topic, role in roles.items() if PREFIX not in topic}
         has_camera_info = "camera/camera_info" in self._roles.values()
         self.robot = RecordedRobot(self.parameters, has_camera_info=has_camera_info)
 

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +33,10 @@ from are_ros.population.randomness import Purpose, generator
 from are_ros.wording import counted, why_refused
 from are_ros.world.environment import Environment
 from are_ros.world.occupancy_grid import OccupancyGrid
+
+RECORD: Final = "soak.json"
+PICTURE: Final = "soak.png"
+RESULTS: Final = (RECORD, PICTURE)
 
 # A robot that drives about on the map, in place of a real one.
 
@@ -371,8 +375,8 @@ def write_soak(result: SoakResult, grid: OccupancyGrid, folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         text = json.dumps(result.as_json(), indent=2)
-        (folder / "soak.json").write_text(text + "\n", encoding="utf-8")
-        draw_soak(result, grid, folder / "soak.png")
+        (folder / RECORD).write_text(text + "\n", encoding="utf-8")
+        draw_soak(result, grid, folder / PICTURE)
     except OSError as cause:
         message = f"{folder}: the results cannot be written ({why_refused(cause)})"
         raise InputError(message) from cause

@@ -96,6 +96,8 @@ def refusals_of_ros() -> Iterator[None]:
         yield
     except (RuntimeError, ParameterException) as cause:
         reason = str(cause).partition(", at /")[0]
+        if type(cause).__name__ == "UnknownROSArgsError":  # its text is a list
+            reason = f"it does not know the arguments {reason}"
         raise NodeError(f"ROS does not start: {reason}") from cause
 
 

@@ -5,13 +5,14 @@ from dataclasses import replace
 from typing import Final
 
 from are_ros.errors import ParameterError
-from are_ros.parameters.choices import OnRobotContact, Shape
+from are_ros.parameters.choices import OnRobotContact, Region, Shape
 from are_ros.parameters.model import (
     CameraParameters,
     FramesParameters,
     MixtureParameters,
     OcclusionParameters,
     Parameters,
+    PopulationParameters,
     WorldParameters,
 )
 
@@ -25,13 +26,15 @@ def validated(parameters: Parameters) -> Parameters:
     ParameterError, naming the parameters, unless world.free_threshold is below
     world.occupied_threshold, mixture.weights and mixture.rates are of one length, not 0, the
     weights sum to 1 within 1e-6, camera.mount has six numbers, camera.others are distinct,
-    camera.other_rates are at least one and not more than those, occlusion.target is not mesh
-    where occlusion.shape is box, and frames.map is not empty.
+    camera.other_rates are at least one and not more than those, population.zones names a file
+    where population.region is zones, occlusion.target is not mesh where occlusion.shape is box,
+    and frames.map is not empty.
     """
     _check_thresholds(parameters.world)
     _check_mixture(parameters.mixture)
     _check_mount(parameters.camera)
     _check_cameras(parameters.camera)
+    _check_region(parameters.population)
     _check_target(parameters.occlusion)
     return replace(
         parameters,
@@ -87,6 +90,11 @@ def _check_cameras(camera: CameraParameters) -> None:
             f"{len(rates)} rates, but there is at least one rate, and no more than topics"
         )
         raise ParameterError(message)
+
+
+def _check_region(population: PopulationParameters) -> None:
+    if population.region is Region.ZONES and not population.zones:
+        raise ParameterError("population.region is zones, but population.zones names no file")
 
 
 def _check_target(occlusion: OcclusionParameters) -> None:

@@ -18,6 +18,7 @@ from are_ros.bag.decoded import (
 from are_ros.bag.recording import PREFIX, Recording, find_recording
 from are_ros.conventions import OCCUPIED
 from are_ros.replay.recorded_scene import grid_of
+from are_ros.wording import counted
 from are_ros.world.occupancy_grid import OccupancyGrid
 
 _COUNTED: Final = ("scan", "markers", "augmented_map")
@@ -82,8 +83,7 @@ def _lines(tally: _Tally) -> Iterator[str]:
     )
     perceived = tally.perceived & tally.labels.keys()  # false alarms have no label
     yield f"perceived    {len(perceived)} of {len(tally.labels)} at some time"
-    contacts = events[ROBOT_CONTACT]
-    yield f"robot        {contacts} {'contact' if contacts == 1 else 'contacts'} with artefacts"
+    yield f"robot        {counted(events[ROBOT_CONTACT], 'contact')} with artefacts"
     shown = sum(map(len, tally.in_the_maps.values()))
     hidden = sum(len(ids - tally.in_sight.get(t, set())) for t, ids in tally.in_the_maps.items())
     ticks = max(tally.ticks, 1)
@@ -94,6 +94,6 @@ def _lines(tally: _Tally) -> Iterator[str]:
     sent = tally.messages
     yield f"ticks        {tally.ticks}"
     yield (
-        f"published    {sent['augmented_map']} augmented maps, {sent['scan']} augmented scans, "
-        f"{sent['markers']} marker messages"
+        f"published    {counted(sent['augmented_map'], 'augmented map')}, "
+        f"{counted(sent['scan'], 'augmented scan')}, {counted(sent['markers'], 'marker message')}"
     )

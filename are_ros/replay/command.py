@@ -245,13 +245,13 @@ def complaints(outcome: Outcome) -> list[str]:
 
 
 def _about_waiting(outcome: Outcome) -> str:
-    """Say how long scans wait for their transforms; empty if the default is long enough."""
+    """Say how long readings wait for their transforms; empty if the default is long enough."""
     waited_s, needed_s = outcome.options.parameters.sensors.tf_wait, outcome.needed_wait_s
     usual_s = SensorsParameters().tf_wait
     if not outcome.options.is_wait_given and waited_s > usual_s:
         return (
             f"the transforms come late: {_WAIT} was {waited_s:g} s, as this recording needs it; "
-            f"set it on the robot, too, where scans wait for {usual_s:g} s by default"
+            f"set it on the robot, too, where readings wait for {usual_s:g} s by default"
         )
     lost = sum(counts.held + counts.passed_through for counts in outcome.scans.values())
     if needed_s > waited_s and lost:

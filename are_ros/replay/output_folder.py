@@ -17,10 +17,12 @@ ANIMATION: Final = "animation.gif"
 RESULTS: Final = (AUGMENTED, "overview.png", VIEW, "effective.yaml", METRICS, TIMING)
 
 
-def prepare_folder(folder: Path) -> None:
-    """Make the folder; BagError if that fails, or if a folder has the name of a result."""
+def prepare_folder(folder: Path, results: Sequence[str] = RESULTS) -> None:
+    """Make the folder; BagError if nothing can be written, or a folder has a result's name."""
     _make(folder, f"--out {folder}: the folder")
-    for name in RESULTS:
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise BagError(f"--out {folder}: nothing can be written there (permission denied)")
+    for name in results:
         if (folder / name).is_dir():
             raise BagError(f"--out {folder}: {name} cannot be written, a folder has that name")
 

@@ -139,7 +139,7 @@ def plot_decisions(
     settings, row = parameters.behaviour, row_named(catalogue, name)
     journey = journey_of(row, settings, survey)
     with KernelBar() as kernels:
-        warm_up(catalogue, _MOTION_ONLY, count=kernels.count)
+        warm_up(catalogue, _MOTION_ONLY, kernels.is_wanted, kernels.count)
     with ProgressBar("lives") as bar:
         move = bar.open(0, simulated_ns(survey))
         lives = simulate_lives(row, catalogue, parameters, survey, move)

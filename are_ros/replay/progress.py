@@ -1,5 +1,6 @@
 """Progress bars, and how long the phases of a replay take by the wall clock."""
 
+import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -98,9 +99,16 @@ class ProgressBar:
 
 
 class KernelBar:
-    """A bar on stderr that counts the kernels that compile, once that has taken two seconds."""
+    """A bar on stderr that counts the kernels that compile, once that has taken two seconds.
+
+    The first Ctrl-C meanwhile makes `is_wanted` false, and interrupts when the block ends: the
+    compiler would crash or swallow it. The second one interrupts at once.
+    """
 
     def __enter__(self) -> "KernelBar":  # noqa: PYI034 (Self came with Python 3.11)
+        self._is_interrupted, self._handler = False, signal.getsignal(signal.SIGINT)
+        if callable(self._handler) and threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, self._interrupt)
         self._bar: tqdm[NoReturn] = tqdm(
             desc="kernels", bar_format=_KERNELS, leave=True, disable=None, delay=_SLOW_S, total=1
         )
@@ -110,8 +118,20 @@ class KernelBar:
         if kind is None:
             self._bar.total = max(self._bar.n, 1)  # kernels that are not needed are not compiled
         self._bar.close()
+        if signal.getsignal(signal.SIGINT) == self._interrupt:
+            signal.signal(signal.SIGINT, self._handler)
+        if self._is_interrupted:
+            raise KeyboardInterrupt
+
+    def is_wanted(self) -> bool:
+        """Return whether no Ctrl-C has come."""
+        return not self._is_interrupted
 
     def count(self, done: int, total: int) -> None:
         """Show how many are compiled, of at most how many."""
         self._bar.total = total
         self._bar.update(done - self._bar.n)
+
+    def _interrupt(self, *_: object) -> None:
+        self._is_interrupted = True
+        signal.signal(signal.SIGINT, self._handler)

@@ -122,8 +122,7 @@ def _topics(
     """Return the role of each topic that is read; `cameras` are those of other cameras."""
     types = recording.types
     roles = find_roles([topic for topic in recording.topics if topic.name not in cameras], {})
-    found = roles.by_topic((*_ROLES, CLOUD))
-    chosen = {topic: role for topic, role in found.items() if PREFIX not in topic}
+    chosen = roles.by_topic((*_ROLES, CLOUD))
     if with_scans:
         for topic, type_name in types.items():
             if type_name == _SCAN_TYPE:

@@ -175,7 +175,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
                 has_voxels=options.octomap_file is not None or roles.topic(OCTOMAP) is not None,
             )
             with said_if_slow(say, _PREPARING), KernelBar() as bar:
-                warm_up(catalogue, needs, count=bar.count)
+                warm_up(catalogue, needs, bar.is_wanted, bar.count)
             files.feed(builder, replay.start_ns)
         perceives = options.demand.perception
         recorder = SceneRecorder(options.parameters, catalogue, is_perceiving=perceives)

@@ -233,7 +233,7 @@ def test_paths_that_are_no_recordings_are_said(tmp_path: Path) -> None:
     for names, sentence in (
         ([], "no recording was given"),
         (["nix.bag"], "there is no such file or folder"),
-        (["c.txt"], "no recording; rosbag2 folders, .mcap, .db3 and .bag files are"),
+        (["c.txt"], "it is no recording; give a rosbag2 folder, an .mcap, .db3 or .bag file"),
         (["d.bag.active"], "`rosbag reindex` makes a .bag of it"),
         (["e.mcap.zstd"], "give its folder, if that has a metadata.yaml, or decompress it (zstd"),
         (["folder"], "no rosbag2 recording; give the files in it themselves: x.db3"),

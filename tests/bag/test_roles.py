@@ -42,6 +42,15 @@ def test_several_of_a_type_are_listed() -> None:
     )
 
 
+def test_what_the_node_gave_out_plays_no_role() -> None:
+    """In a result the recorded inputs alone do, as if there were no outputs beside them."""
+    found = topics(front=SCAN, ar_builder__scan=SCAN, robot1__ar_builder__points=CLOUD)
+    roles = find_roles(found, {})
+    assert roles.topic("scan") == "/front"
+    assert roles.topic("points") is None
+    assert find_roles(found, {"scan": "/ar_builder/scan"}).topic("scan") == "/ar_builder/scan"
+
+
 def test_an_override_comes_first() -> None:
     """The user's choice beats the default, with or without the leading slash."""
     found = topics(scan=SCAN, rear=SCAN)

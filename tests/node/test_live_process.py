@@ -363,7 +363,7 @@ def test_it_waits_to_be_told_without_autostart(ros: RosWorld, start: Start) -> N
         (["-p", "broken"], "Couldn't parse parameter override rule: '-p broken'"),
         (["-p", "use_sim_time:=maybe"], "'use_sim_time'"),
         (["--params-file", "/nowhere.yaml"], "Couldn't parse params file"),
-        (["--no-such-flag"], "--no-such-flag"),
+        (["--no-such-flag"], "does not know the arguments ['--no-such-flag']"),
     ],
 )
 def test_bad_arguments_are_refused_in_a_sentence(

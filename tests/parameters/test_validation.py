@@ -24,6 +24,10 @@ def test_the_defaults_are_valid() -> None:
         ),
         ({"world.occupied_threshold": 20}, ("25", "world.occupied_threshold, 20")),
         (
+            {"population.region": "zones"},
+            ("population.region is zones, but population.zones names no file",),
+        ),
+        (
             {"occlusion.target": "mesh", "occlusion.shape": "box"},
             ("occlusion.target", "occlusion.shape: mesh"),
         ),

@@ -55,7 +55,7 @@ def test_it_counts(tmp_path: Path) -> None:
         "robot        1 contact with artefacts",
         "in the maps  0.0 on average, 0.0 of them out of sight (costmap.memory, costmap.gate)",
         "ticks        3",
-        "published    0 augmented maps, 0 augmented scans, 1 marker messages",
+        "published    0 augmented maps, 0 augmented scans, 1 marker message",
     ]
 
 

@@ -94,7 +94,7 @@ PARAMS = ("replay", "good.mcap", "--params")
 CASES = (
     # recordings
     (("replay", "none.mcap"), "none.mcap: there is no such file or folder"),
-    (("replay", "text.txt"), "text.txt: no recording; rosbag2 folders, .mcap, .db3 and .bag"),
+    (("replay", "text.txt"), "text.txt: it is no recording; give a rosbag2 folder, an .mcap, .db3"),
     (("replay", "text.mcap"), "text.mcap: its first bytes are not those of a bag"),
     (("replay", "text.bag"), "text.bag: its first bytes are not those of a bag"),
     (("replay", "text.db3"), "text.db3: it is no rosbag2 database"),

@@ -37,6 +37,15 @@ def test_what_is_in_the_way_is_said(tmp_path: Path) -> None:
         assert str(caught.value) == f"--out {tmp_path / name}: {reason}"
 
 
+def test_a_folder_that_may_not_be_written_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before anything is run."""
+    monkeypatch.setattr("os.access", lambda *_: False)
+    with pytest.raises(BagError, match=r"--out .*: nothing can be written .*permission denied"):
+        prepare_folder(tmp_path)
+
+
 def test_half_a_set_is_no_set(tmp_path: Path) -> None:
     """When one result cannot be written all are removed, and nothing else."""
     for name in (*RESULTS[:3], "notes.txt"):

@@ -1,5 +1,6 @@
 """The bar that shows how far a replay has come."""
 
+import signal
 import sys
 
 import pytest
@@ -72,3 +73,27 @@ def test_kernels_are_counted_once_that_takes_seconds(
     shown = terminal.readouterr().err.split("\r")[-1]
     assert "100%" in shown
     assert "6/6" in shown
+
+
+def _compile(presses: int) -> None:
+    """Compile as a command does, while Ctrl-C is pressed so often."""
+    with KernelBar() as bar:
+        assert bar.is_wanted()
+        for press in range(presses):
+            signal.raise_signal(signal.SIGINT)
+            assert press == 0, "the second Ctrl-C did not interrupt"
+            assert not bar.is_wanted()
+
+
+def test_a_ctrl_c_waits_for_the_compiler() -> None:
+    """The compilation is asked to end, then the command is interrupted; a second one is at once."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        for presses in (1, 2):
+            with pytest.raises(KeyboardInterrupt):
+                _compile(presses)
+            assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        _compile(0)
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -158,7 +158,7 @@ def wall(spec: BodySpec) -> Solid:
     skirt = min(0.1, 0.1 * height)
     parts = [
         soft_box((-x, -y, 0.0), (x, y, skirt), 0.012, shaded(spec.colour, 0.55)),
-        box((-0.78 * x, -y, skirt - 0.01), (0.78 * x, y, height), shaded(spec.colour, 0.72)),
+        box((-0.7 * x, -y, skirt - 0.01), (0.7 * x, y, height), shaded(spec.colour, 0.72)),
         soft_box(
             (-0.86 * x, -y, 0.985 * height), (0.86 * x, y, height), 0.006, shaded(spec.colour, 0.85)
         ),
@@ -170,7 +170,7 @@ def wall(spec: BodySpec) -> Solid:
             soft_box(
                 (-0.83 * x, low, skirt),
                 (0.83 * x, low + width / count - 0.008, 0.985 * height),
-                0.006,
+                0.003,
                 spec.colour,
             )
         )
@@ -194,13 +194,15 @@ def door(spec: BodySpec) -> Solid:
         for side in (-1.0, 1.0):
             a, b = sorted((0.02 if side > 0 else -0.02, side * wide))
             parts.append(
-                soft_box((-0.33 * x, a, low * z), (0.33 * x, b, high * z), 0.01, shaded(wood, 0.82))
+                soft_box(
+                    (-0.33 * x, a, low * z), (0.33 * x, b, high * z), 0.004, shaded(wood, 0.82)
+                )
             )
             parts.append(
                 soft_box(
                     (-0.36 * x, a + 0.045, low * z + 0.045),
                     (0.36 * x, b - 0.045, high * z - 0.045),
-                    0.012,
+                    0.002,
                     shaded(wood, 1.06),
                 )
             )
