@@ -110,6 +110,7 @@ def test_version_is_the_package_s() -> None:
         (("node", "--namespace", "my robot"), ("'--namespace': 'my robot' is no name",)),
         (("guard", "--namespace", "my robot"), ("'--namespace': 'my robot' is no name",)),
         (("record", "a", "--wait-for", "/a b"), ("'--wait-for': '/a b' is no name in ROS",)),
+        (("view", "out", "--port", "80"), ("--port and --namespace are for --live",)),
         (("record",), ("OUT", "(see `are record --help`)")),
         (("record", "a", "b"), ("(b)", "(see `are record --help`)")),
         (("demo", "--rate", "x"), ("'--rate'", "(see `are demo --help`)")),

@@ -22,6 +22,7 @@ from are_ros.cli.options import (
 
 _SKIPPABLE = ("perception", "grids", "markers")
 _OPTIONAL = ("octomap",)
+_PORT: Final = 8080
 
 
 @click.command(short_help="Replay a recording with artefacts in it.")
@@ -172,16 +173,14 @@ def check(recording: Path, map_file: Path | None, parameters_file: Path | None) 
 @click.option("--out", type=FILE, help="Page. [view.html beside the recording]")
 @animate_option
 @click.option("--live", is_flag=True, help="Serve the scene of the running node to a browser.")
-@click.option(
-    "--port", type=click.IntRange(0, 65535), default=8080, show_default=True, help="For --live."
-)
+@click.option("--port", type=click.IntRange(0, 65535), help="For --live. [8080]")
 @click.option("--namespace", metavar="NAME", type=ROS_NAME, help="That of the node, for --live.")
 def view(
     recording: Path | None,
     out: Path | None,
     animate: Path | None,
     live: bool,
-    port: int,
+    port: int | None,
     namespace: str | None,
 ) -> None:
     """Write a page to look around in: map, walls, robot, what its camera sees, artefacts, scans.
@@ -202,8 +201,10 @@ def view(
             raise click.UsageError("--live shows the running node: no RECORDING, --out, --animate")
         from are_ros.cli.live import view_live
 
-        view_live(namespace, port)
+        view_live(namespace, _PORT if port is None else port)
         return
+    if port is not None or namespace is not None:
+        raise click.UsageError("--port and --namespace are for --live")
     if recording is None:
         raise click.UsageError("Missing argument 'RECORDING' (or --live for the running node)")
     from are_ros.replay.output_folder import VIEW, picture_beside
