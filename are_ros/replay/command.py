@@ -224,7 +224,7 @@ def complaints(outcome: Outcome) -> list[str]:
     """
     refusals = outcome.refusals
     lines = [
-        f"refused: {sentence}" + (f" ({counted(count, 'message')})" if count > 1 else "")
+        f"refused: {sentence}" + (f" (the first of {count} refused)" if count > 1 else "")
         for topic, sentence in sorted(refusals.sentences.items())
         if (count := refusals.counts[topic])
     ]

@@ -47,7 +47,7 @@ from are_ros.replay.timeline import (
     ReplayOptions,
     Timeline,
 )
-from are_ros.wording import counted, listed
+from are_ros.wording import listed
 from are_ros.world.map_io import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
@@ -346,7 +346,8 @@ def _refused(replay: Replay, roles: Collection[str]) -> str:
     """Return the refusals on the topics of some roles, and their number; empty without any."""
     refusals = replay.feed.refusals
     counts = {t: refusals.counts.get(t, 0) for t, r in replay.role_of_topic.items() if r in roles}
-    said = (f"{refusals.sentences[t]} ({counted(n, 'message')})" for t, n in counts.items() if n)
+    several = {t: f" (the first of {n} refused)" for t, n in counts.items() if n > 1}
+    said = (f"{refusals.sentences[t]}{several.get(t, '')}" for t, n in counts.items() if n)
     return "; ".join(said)
 
 

@@ -114,7 +114,7 @@ def test_complaints_name_topics_and_numbers() -> None:
     )
     assert complaints(outcome) == [
         "refused: /a: too long",
-        "refused: /b: too short (3 messages)",
+        "refused: /b: too short (the first of 3 refused)",
         "/scan: 7 scans passed through unaugmented, the last for: no frame",
         (
             "the transforms come late: sensors.tf_wait is 0.2 s, but this recording needs 0.3 s; "

@@ -160,7 +160,7 @@ def test_transforms_that_are_all_refused_are_the_reason(
     assert done.returncode == 1
     assert "the robot's pose in the map was never known" in done.stderr
     assert "refused: /tf: the transform" in done.stderr
-    assert "(0.0, 0.0, 0.0, 0.0) has length 0, not 1 (200 messages)" in done.stderr
+    assert "(0.0, 0.0, 0.0, 0.0) has length 0, not 1 (the first of 200 refused)" in done.stderr
     inspected = run_are("inspect", bag).stdout
     assert "transforms map -> odom of /tf refused: the rotation (0.0, 0.0, 0.0, 0.0)" in inspected
     records = _with(sample_records, ["/tf_static"], _turn_nothing)
