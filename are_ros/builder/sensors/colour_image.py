@@ -29,8 +29,28 @@ _ORDERS: Final = {
     "mono8": (0, 0, 0),
 }
 """Where red, green and blue are in a pixel."""
+_MOSAICS: Final = {
+    "bayer_rggb8": ("BayerBG2RGB", (0, 1, 1, 2)),
+    "bayer_bggr8": ("BayerRG2RGB", (2, 1, 1, 0)),
+    "bayer_gbrg8": ("BayerGR2RGB", (1, 2, 0, 1)),
+    "bayer_grbg8": ("BayerGB2RGB", (1, 0, 2, 1)),
+}
+"""OpenCV's name of each mosaic, which it calls by its second row, and the colours of the first two
+pixels of the first two rows: 0 red, 1 green, 2 blue."""
+_YUV: Final = {
+    "yuv422": ("YUV2RGB_UYVY", 1),
+    "uyvy": ("YUV2RGB_UYVY", 1),
+    "yuv422_yuy2": ("YUV2RGB_YUY2", 0),
+    "yuyv": ("YUV2RGB_YUY2", 0),
+}
+"""OpenCV's name of each, and where the luma is in a pixel. Two pixels of a row share their chroma:
+the first has U, the second V."""
+_PAINTED_ON: Final = (*_ORDERS, *_MOSAICS, *_YUV)
 _LUMA: Final = np.array((0.299, 0.587, 0.114))
 """Shares of red, green and blue in a grey (ITU-R BT.601), as cameras have them."""
+_LUMA_RANGE: Final = 219.0 / 255.0, 16.0
+_CHROMA: Final = np.array(((-0.148, -0.291, 0.439), (0.439, -0.368, -0.071)))
+"""Of YUV: its luma is 16 to 235, U and V are these shares, beside 128 (ITU-R BT.601)."""
 _BITS, _WITH_ALPHA = 8, 4
 _MOST_PIXELS: Final = 1 << 26
 
@@ -60,15 +80,23 @@ class RawColour:
     image: Image
 
     def __post_init__(self) -> None:
-        if self.image.encoding not in _ORDERS:
-            known = ", ".join(_ORDERS)
-            raise InputError(
-                f"encoding {self.image.encoding!r} is not painted on; known are {known}"
-            )
+        encoding, width = self.image.encoding, self.image.width
+        if encoding not in _PAINTED_ON:
+            known = ", ".join(_PAINTED_ON)
+            raise InputError(f"encoding {encoding!r} is not painted on; known are {known}")
+        if encoding in _YUV and width % 2:
+            raise InputError(f"encoding {encoding!r} needs an even width, but it is {width}")
 
     def rgb(self) -> Pixels:
         """See `ColourPixels`."""
-        stored, order = self.image.pixels(), _ORDERS[self.image.encoding]
+        stored, encoding = self.image.pixels(), self.image.encoding
+        if encoding not in _ORDERS:
+            import cv2
+
+            name, _ = _MOSAICS[encoding] if encoding in _MOSAICS else _YUV[encoding]
+            code = getattr(cv2, f"COLOR_{name}")
+            return np.asarray(cv2.cvtColor(np.ascontiguousarray(stored), code), np.uint8)
+        order = _ORDERS[encoding]
         if stored.ndim == 2:
             return np.repeat(stored[:, :, np.newaxis], 3, axis=2)
         first, _, last = order  # red and blue may be swapped, and an alpha beyond
@@ -78,14 +106,41 @@ class RawColour:
     def with_rgb(self, painted: Pixels, before: Pixels, quality: int) -> "RawColour":
         """See `ColourPixels`."""
         del quality
-        stored, order = self.image.pixels().copy(), _ORDERS[self.image.encoding]
-        if stored.ndim == 2:
-            is_changed = (painted != before).any(axis=2)
-            stored[is_changed] = np.rint(painted[is_changed] @ _LUMA).astype(np.uint8)
+        stored, encoding = self.image.pixels().copy(), self.image.encoding
+        is_changed = (painted != before).any(axis=2)
+        if encoding in _MOSAICS:
+            colours = np.array(_MOSAICS[encoding][1]).reshape(2, 2)
+            rows, columns = np.nonzero(is_changed)
+            stored[is_changed] = painted[rows, columns, colours[rows % 2, columns % 2]]
+        elif encoding in _YUV:
+            _put_yuv(stored, painted, before, _YUV[encoding][1])
+        elif stored.ndim == 2:
+            stored[is_changed] = _rounded(painted[is_changed] @ _LUMA)
         else:
-            for colour, channel in enumerate(order):
+            for colour, channel in enumerate(_ORDERS[encoding]):
                 stored[:, :, channel] = painted[:, :, colour]
         return RawColour(self.image.with_pixels(stored))
+
+
+def _put_yuv(stored: Pixels, painted: Pixels, before: Pixels, luma: int) -> None:
+    """Put painted pixels (H, W, 3) into those of YUV (H, W, 2), where they are not as `before`.
+
+    A pair's chroma is that of its mean colour, where one of the two changed. A shadow makes no luma
+    greater, though colours that RGB does not have come back as others.
+    """
+    is_changed = (painted != before).any(axis=2)
+    (share, least), now, was = _LUMA_RANGE, painted[is_changed], stored[is_changed, luma]
+    lumas = _rounded(share * (now @ _LUMA) + least)
+    is_darker = (now <= before[is_changed]).all(axis=1)
+    stored[is_changed, luma] = np.where(is_darker, np.minimum(lumas, was), lumas)
+    is_pair = is_changed[:, 0::2] | is_changed[:, 1::2]
+    mean = 0.5 * painted[:, 0::2][is_pair] + 0.5 * painted[:, 1::2][is_pair]
+    for k, shares in enumerate(_CHROMA):
+        stored[:, k::2, 1 - luma][is_pair] = _rounded(mean @ shares + 128.0)
+
+
+def _rounded(numbers: npt.NDArray[np.float64]) -> Pixels:
+    return np.rint(numbers).astype(np.uint8)
 
 
 @dataclass(frozen=True, eq=False)

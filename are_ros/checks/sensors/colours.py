@@ -18,9 +18,20 @@ from are_ros.checks.sensors.scan_pairs import Kept, Pairs, Released
 
 Bools = NDArray[np.bool_]
 
-_CHANNELS: Final = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1}
+_CHANNELS: Final = {
+    "rgb8": 3,
+    "bgr8": 3,
+    "rgba8": 4,
+    "bgra8": 4,
+    "mono8": 1,
+    **{f"bayer_{order}8": 1 for order in ("rggb", "bggr", "gbrg", "grbg")},
+}
+_LUMA_OF: Final = {"yuv422": 1, "uyvy": 1, "yuv422_yuy2": 0, "yuyv": 0}
+"""Which of the two bytes of a pixel is its luma."""
+_PAIR_PX: Final = 1
+"""Two pixels of YUV share their colour, which changes if one of them is painted."""
 _JPEG: Final = b"\xff\xd8\xff"
-_JPEG_BLOCK_PX: Final = 18
+JPEG_BLOCK_PX: Final = 18
 """What is painted changes the whole block of 16 pixels of a JPEG, and two pixels about it."""
 _JPEG_STEPS: Final = 6
 """Where nothing is painted, two compressors of the same image differ by at most this."""
@@ -33,7 +44,8 @@ class ColourFrame:
     """The colours of an image: uint8 (H, W, C), and `data`, the bytes of the message.
 
     `rest` is all else that has to stay: sizes, names, bytes of padding. `spread_px` is how far from
-    what is painted pixels may change.
+    what is painted pixels may change. `light` is the channel that tells how bright a pixel is, None
+    for all.
     """
 
     stamp_ns: int
@@ -43,6 +55,7 @@ class ColourFrame:
     data: bytes
     rest: tuple[Any, ...]
     spread_px: int = 0
+    light: int | None = None
 
     @classmethod
     def of_message(cls, message: Any, at_ns: int) -> "ColourFrame | None":
@@ -56,16 +69,19 @@ class ColourFrame:
             if "compressedDepth" in message.format:
                 return None
             pixels, data = _decompressed(flat), flat.tobytes()
-            spread_px = _JPEG_BLOCK_PX if data.startswith(_JPEG) else 0
+            spread_px = JPEG_BLOCK_PX if data.startswith(_JPEG) else 0
             return cls(*when, pixels, data, (pixels.shape, str(message.format)), spread_px)
-        channels = _CHANNELS.get(message.encoding)
+        luma = _LUMA_OF.get(message.encoding)
+        channels = _CHANNELS.get(message.encoding) if luma is None else 2
         if channels is None:
             return None
         rows, used = flat.reshape(message.height, message.step), message.width * channels
         pixels = rows[:, :used].reshape(message.height, message.width, channels)
         sizes = message.height, message.width, message.step, message.encoding
         rest = (*sizes, bool(message.is_bigendian), rows[:, used:].tobytes())
-        return cls(*when, pixels, flat.tobytes(), rest)
+        if luma is None:
+            return cls(*when, pixels, flat.tobytes(), rest)
+        return cls(*when, pixels, flat.tobytes(), rest, _PAIR_PX, luma)
 
 
 def _decompressed(data: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -99,12 +115,14 @@ def change_of(real: ColourFrame, output: ColourFrame) -> Change:
         return Change("has another size, encoding or padding than its input", none, none)
     if output.data == real.data:
         return Change("", none, none)
-    if output.spread_px:
+    if output.spread_px == JPEG_BLOCK_PX:
         apart = np.abs(output.pixels.astype(np.int16) - _compressed_as(output, real))
         return Change("", np.any(apart > _JPEG_STEPS, axis=2), none)
     is_changed = np.any(output.pixels != real.pixels, axis=2)
     fault = "" if is_changed.any() else "has other bytes than its input, though nothing is painted"
-    return Change(fault, is_changed, np.any(output.pixels > real.pixels, axis=2))
+    is_brighter = output.pixels > real.pixels
+    light = slice(None) if real.light is None else slice(real.light, real.light + 1)
+    return Change(fault, is_changed, np.any(is_brighter[:, :, light], axis=2))
 
 
 def _compressed_as(output: ColourFrame, real: ColourFrame) -> NDArray[np.int16]:

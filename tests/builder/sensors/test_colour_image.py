@@ -42,7 +42,9 @@ INFO = CameraInfo(
 LENS = Lens("eye", INFO, INFO.view(rectified=False))
 CAMERA = RigidTransform.from_xyz_ypr(0.0, 0.0, 1.0, 0.0, 0.0, 0.0) @ FORWARD_FROM_OPTICAL
 PLAIN = RenderingParameters(noise=0.0, blur=0.0)
-CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1}
+MOSAICS = {f"bayer_{order}8": 1 for order in ("rggb", "bggr", "gbrg", "grbg")}
+YUV = dict.fromkeys(("yuv422", "yuv422_yuy2", "uyvy", "yuyv"), 2)
+CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1, **MOSAICS, **YUV}
 
 
 @pytest.fixture
@@ -91,6 +93,69 @@ def test_every_encoding_is_painted_alike(encoding: str, obstacles: Obstacles) ->
     found = done.pixels.rgb()[is_post].mean(axis=0)
     wanted = reference if encoding != "mono8" else reference @ (0.299, 0.587, 0.114)
     assert found == pytest.approx(np.broadcast_to(wanted, 3), abs=12)
+
+
+@pytest.mark.parametrize("encoding", MOSAICS)
+def test_each_pixel_of_a_mosaic_has_its_colour(encoding: str) -> None:
+    """Red, green or blue, as the name says, from the top left corner on; others keep their bits."""
+    image = RawColour(Image("eye", 100, encoding, 0, 6, np.full((4, 6), 50, np.uint8)))
+    before = image.rgb()
+    assert (before == 50).all()
+    painted_on = before.copy()
+    painted_on[:, :4] = 10, 20, 30
+    stored = image.with_rgb(painted_on, before, 90).image.pixels()
+    by_colour = {"r": 10, "g": 20, "b": 30}
+    tile = np.array([by_colour[one] for one in encoding[6:10]]).reshape(2, 2)
+    assert (stored[:, :4] == np.tile(tile, (2, 2))).all()
+    assert (stored[:, 4:] == 50).all()
+
+
+@pytest.mark.parametrize("encoding", YUV)
+def test_pairs_of_yuv_share_their_colour(encoding: str) -> None:
+    """Luma for itself, U and V of both; by the equations of BT.601, pixel by pixel."""
+    luma = 1 if encoding in {"yuv422", "uyvy"} else 0
+    data = np.empty((2, 8, 2), np.uint8)
+    data[:, :, luma], data[:, 0::2, 1 - luma], data[:, 1::2, 1 - luma] = 100, 120, 140
+    image = RawColour(Image("eye", 100, encoding, 0, 8, data.reshape(2, 16)))
+    before = image.rgb()
+    painted_on = before.copy()
+    painted_on[0, 1], painted_on[1, 4], painted_on[1, 5] = (200, 30, 60), (20, 220, 40), (0, 0, 255)
+    stored = image.with_rgb(painted_on, before, 90).image.pixels().astype(int)
+    for row, pair in ((0, 0), (1, 2)):
+        left, right = painted_on[row, 2 * pair : 2 * pair + 2].astype(float)
+        u, v = (_chroma(0.5 * (left + right), k) for k in range(2))
+        assert abs(stored[row, 2 * pair, 1 - luma] - u) <= 1
+        assert abs(stored[row, 2 * pair + 1, 1 - luma] - v) <= 1
+    for row, column in ((0, 1), (1, 4), (1, 5)):
+        red, green, blue = painted_on[row, column].astype(float)
+        wanted = 16.0 + (65.738 * red + 129.057 * green + 25.064 * blue) / 256.0
+        assert abs(stored[row, column, luma] - wanted) <= 1
+    assert stored[0, 0, luma] == 100  # the other one of a pair keeps its own
+    data[0, :2], data[1, 4:6] = stored[0, :2], stored[1, 4:6]
+    assert (stored == data).all()
+
+
+def _chroma(rgb: np.ndarray[Any, Any], which: int) -> float:
+    """Return U (0) or V (1) of a colour, as BT.601 has them for 8 bits."""
+    shares = ((-37.945, -74.494, 112.439), (112.439, -94.154, -18.285))[which]
+    return 128.0 + float(np.dot(rgb, shares)) / 256.0
+
+
+def test_a_shadow_makes_no_luma_greater() -> None:
+    """Of colours that RGB does not have, too: they come back as others."""
+    rng = np.random.default_rng(5)
+    image = RawColour(Image("eye", 1, "yuyv", 0, 64, rng.integers(0, 256, (64, 128), np.uint8)))
+    before = image.rgb()
+    shaded = (before * 0.995).astype(np.uint8)
+    assert (shaded != before).any()
+    stored = image.with_rgb(shaded, before, 90).image.pixels()
+    assert (stored[:, :, 0] <= image.image.pixels()[:, :, 0]).all()
+
+
+def test_yuv_of_an_odd_width_is_refused() -> None:
+    """There is a pair that is cut through."""
+    with pytest.raises(InputError, match="'uyvy' needs an even width, but it is 3"):
+        RawColour(Image("eye", 1, "uyvy", 0, 3, np.zeros((2, 6), np.uint8)))
 
 
 @pytest.mark.parametrize("suffix", [".jpg", ".png"])
@@ -219,7 +284,7 @@ def test_a_picture_of_16_bits_is_refused(shape: tuple[int, ...], obstacles: Obst
 @pytest.mark.parametrize(
     ("image", "reason"),
     [
-        (Image("eye", 1, "bayer_rggb8", 0, 4, np.zeros((4, 4), np.uint8)), "'bayer_rggb8' is not"),
+        (Image("eye", 1, "rgb16", 0, 4, np.zeros((4, 24), np.uint8)), "'rgb16' is not painted on"),
         (Image("eye", 1, "16UC1", 0, 2, np.zeros((4, 4), np.uint8)), "'16UC1' is not painted on"),
     ],
 )

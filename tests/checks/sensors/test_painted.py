@@ -73,6 +73,15 @@ def raw() -> RawColour:
     return RawColour(Image("camera", STAMP_NS, "bgr8", 0, WIDTH, rows))
 
 
+def unusual(encoding: str) -> RawColour:
+    """Return a raw image as cameras send it: a mosaic, or YUV of 4:2:2."""
+    random = np.random.default_rng(4)
+    channels = 1 if encoding.startswith("bayer") else 2
+    coarse = random.integers(80, 180, (12, 16, channels)).astype(np.uint8)
+    rows = cv2.resize(coarse, (WIDTH, HEIGHT)).reshape(HEIGHT, -1)
+    return RawColour(Image("camera", STAMP_NS, encoding, 0, WIDTH, np.asarray(rows, np.uint8)))
+
+
 def packed(suffix: str) -> CompressedColour:
     """Return it compressed."""
     data = cv2.imencode(suffix, grey())[1].reshape(-1)
@@ -142,7 +151,17 @@ def failure(result: CheckResult) -> str:
     return result.counter_example
 
 
-@pytest.mark.parametrize("make", [raw, lambda: packed(".jpg"), lambda: packed(".png")])
+@pytest.mark.parametrize(
+    "make",
+    [
+        raw,
+        lambda: unusual("bayer_grbg8"),
+        lambda: unusual("yuv422_yuy2"),
+        lambda: unusual("uyvy"),
+        lambda: packed(".jpg"),
+        lambda: packed(".png"),
+    ],
+)
 def test_what_the_builder_paints_is_right(make: Callable[[], ColourPixels]) -> None:
     """Raw, and compressed anew: with shadow, blur and noise."""
     before = make()
@@ -191,6 +210,25 @@ def test_pixels_that_change_where_no_artefact_is_are_found() -> None:
 
     def bright(pixels: npt.NDArray[Any]) -> None:
         pixels[95, 100] = 255
+
+    found = failure(check_images(record_of(before, with_pixels(after, bright))))
+    assert "(row 95, column 100 the first) brighter beside an artefact" in found
+
+
+@pytest.mark.parametrize("encoding", ["bayer_rggb8", "yuyv"])
+def test_in_an_unusual_raw_image_what_changes_elsewhere_is_found(encoding: str) -> None:
+    """One byte; of a luma that is greater beside an artefact, too."""
+    before = unusual(encoding)
+    after = painted(before)
+
+    def stray(pixels: npt.NDArray[Any]) -> None:
+        pixels.reshape(HEIGHT, WIDTH, -1)[5, 10, 0] += 1
+
+    found = failure(check_images(record_of(before, with_pixels(after, stray))))
+    assert "1 pixel (row 5, column 10 the first) changed, where no artefact is" in found
+
+    def bright(pixels: npt.NDArray[Any]) -> None:
+        pixels.reshape(HEIGHT, WIDTH, -1)[95, 100, 0] = 255
 
     found = failure(check_images(record_of(before, with_pixels(after, bright))))
     assert "(row 95, column 100 the first) brighter beside an artefact" in found
