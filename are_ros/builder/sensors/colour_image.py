@@ -95,7 +95,10 @@ class RawColour:
 
             name, _ = _MOSAICS[encoding] if encoding in _MOSAICS else _YUV[encoding]
             code = getattr(cv2, f"COLOR_{name}")
-            return np.asarray(cv2.cvtColor(np.ascontiguousarray(stored), code), np.uint8)
+            pixels = np.asarray(cv2.cvtColor(np.ascontiguousarray(stored), code), np.uint8)
+            if encoding in _MOSAICS:  # OpenCV repeats those beside the edge there
+                np.put_along_axis(pixels, self._colours(), stored[:, :, np.newaxis], axis=2)
+            return pixels
         order = _ORDERS[encoding]
         if stored.ndim == 2:
             return np.repeat(stored[:, :, np.newaxis], 3, axis=2)
@@ -109,9 +112,8 @@ class RawColour:
         stored, encoding = self.image.pixels().copy(), self.image.encoding
         is_changed = (painted != before).any(axis=2)
         if encoding in _MOSAICS:
-            colours = np.array(_MOSAICS[encoding][1]).reshape(2, 2)
-            rows, columns = np.nonzero(is_changed)
-            stored[is_changed] = painted[rows, columns, colours[rows % 2, columns % 2]]
+            own = np.take_along_axis(painted, self._colours(), axis=2)[:, :, 0]
+            stored[is_changed] = own[is_changed]
         elif encoding in _YUV:
             _put_yuv(stored, painted, before, _YUV[encoding][1])
         elif stored.ndim == 2:
@@ -120,6 +122,12 @@ class RawColour:
             for colour, channel in enumerate(_ORDERS[encoding]):
                 stored[:, :, channel] = painted[:, :, colour]
         return RawColour(self.image.with_pixels(stored))
+
+    def _colours(self) -> npt.NDArray[np.int64]:
+        """Return the colour of each pixel of a mosaic, (H, W, 1): 0 red, 1 green, 2 blue."""
+        tile = np.array(_MOSAICS[self.image.encoding][1]).reshape(2, 2)
+        rows, columns = np.ogrid[: self.image.height, : self.image.width]
+        return np.asarray(tile[rows % 2, columns % 2])[:, :, np.newaxis]
 
 
 def _put_yuv(stored: Pixels, painted: Pixels, before: Pixels, luma: int) -> None:

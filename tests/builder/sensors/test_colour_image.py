@@ -110,6 +110,15 @@ def test_each_pixel_of_a_mosaic_has_its_colour(encoding: str) -> None:
     assert (stored[:, 4:] == 50).all()
 
 
+@pytest.mark.parametrize("encoding", MOSAICS)
+def test_a_mosaic_keeps_what_each_pixel_has_measured(encoding: str) -> None:
+    """At the edges, too, where there are neighbours on one side only: no shadow brightens any."""
+    image = RawColour(grey(encoding))
+    before = image.rgb()
+    same = image.with_rgb(before, before + np.uint8(1), 90)
+    assert (same.image.pixels() == image.image.pixels()).all()
+
+
 @pytest.mark.parametrize("encoding", YUV)
 def test_pairs_of_yuv_share_their_colour(encoding: str) -> None:
     """Luma for itself, U and V of both; by the equations of BT.601, pixel by pixel."""
