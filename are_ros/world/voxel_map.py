@@ -112,6 +112,7 @@ _ALIGNED: Final = 1e-3
 _FEWEST_TO_JUDGE: Final = 16
 _MAX_LEVEL: Final = 16
 _MAX_INFERRED_M: Final = 10.0
+_MIN_INFERRED_M: Final = 1e-3
 _FAR: Final = 8.0
 """As many times farther from the middle than nine tenths of the points are: a stray point."""
 _SAME: Final = 1e-3
@@ -251,6 +252,12 @@ def _inferred(points_m: npt.NDArray[np.floating], source: str) -> VoxelLattice:
         message = (
             f"{source}: a point lies {farthest_m:g} m from the origin, which would make voxels of"
             f" {spacing:g} m; crop the cloud or set world.voxel_size"
+        )
+        raise InputError(message)
+    if spacing < _MIN_INFERRED_M:  # as of centres that were turned into another frame
+        message = (
+            f"{source}: its {len(points_m)} points lie on no grid along the axes of their frame;"
+            " set world.voxel_size to the width of their voxels, or send them in their own frame"
         )
         raise InputError(message)
     with_leaves = _fitted(points_m, 2.0 * spacing)

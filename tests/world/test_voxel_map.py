@@ -361,3 +361,13 @@ def test_points_are_in_an_occupied_voxel_or_not(seed: int, yaw: float) -> None:
         is_inside = 0 <= i < 4 and 0 <= j < 3 and 0 <= k < 2
         expected.append(is_inside and bool(occupied[i, j, k]))
     assert voxels.are_occupied(voxels.map_from_lattice.apply(local)).tolist() == expected
+
+
+def test_a_spacing_below_a_millimetre_is_none() -> None:
+    """As of centres that were turned into another frame; with a size they are binned."""
+    steps = np.random.default_rng(8).integers(0, 70_000, (5_000, 3))
+    points = steps * 5e-5
+    with pytest.raises(InputError, match="octomap: its 5000 points lie on no grid along the axes"):
+        VoxelMap.from_centres(points, None, IDENTITY, "octomap")
+    built = VoxelMap.from_centres(points, None, IDENTITY, "octomap", wanted_m=0.15)
+    assert built.voxel_size_m[0] == 0.15
