@@ -71,6 +71,12 @@ class Refusals:
         self.sentences.setdefault(topic, sentence)
         return sentence
 
+    def told(self, topic: str) -> str:
+        """Return the first reason of a topic, and of how many it is the first; "" without any."""
+        count = self.counts.get(topic, 0)
+        several = f" (the first of {count} refused)" if count > 1 else ""
+        return f"{self.sentences[topic]}{several}" if count else ""
+
 
 class Feed:
     """Decodes messages by the role of their topic, and gives them to the builder.

@@ -223,11 +223,7 @@ def complaints(outcome: Outcome) -> list[str]:
     used, blocked scripted artefacts, and a map that does not fit the robot's way.
     """
     refusals = outcome.refusals
-    lines = [
-        f"refused: {sentence}" + (f" (the first of {count} refused)" if count > 1 else "")
-        for topic, sentence in sorted(refusals.sentences.items())
-        if (count := refusals.counts[topic])
-    ]
+    lines = [f"refused: {refusals.told(topic)}" for topic in sorted(refusals.counts)]
     for topic, problem in sorted(outcome.scan_problems.items()):
         role = outcome.role_of_topic[topic]
         passed = counted(outcome.scans[topic].passed_through, noun_of(role))

@@ -345,10 +345,8 @@ def _what_joins(reader: BagReader, builder: ArBuilder, roles: RolesFound) -> str
 def _refused(replay: Replay, roles: Collection[str]) -> str:
     """Return the refusals on the topics of some roles, and their number; empty without any."""
     refusals = replay.feed.refusals
-    counts = {t: refusals.counts.get(t, 0) for t, r in replay.role_of_topic.items() if r in roles}
-    several = {t: f" (the first of {n} refused)" for t, n in counts.items() if n > 1}
-    said = (f"{refusals.sentences[t]}{several.get(t, '')}" for t, n in counts.items() if n)
-    return "; ".join(said)
+    said = [refusals.told(t) for t, role in replay.role_of_topic.items() if role in roles]
+    return "; ".join(filter(None, said))
 
 
 def _camera_problem(

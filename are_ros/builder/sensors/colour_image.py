@@ -110,17 +110,18 @@ class RawColour:
         """See `ColourPixels`."""
         del quality
         stored, encoding = self.image.pixels().copy(), self.image.encoding
+        if encoding in _ORDERS and stored.ndim > 2:
+            for colour, channel in enumerate(_ORDERS[encoding]):
+                stored[:, :, channel] = painted[:, :, colour]
+            return RawColour(self.image.with_pixels(stored))
         is_changed = (painted != before).any(axis=2)
         if encoding in _MOSAICS:
             own = np.take_along_axis(painted, self._colours(), axis=2)[:, :, 0]
             stored[is_changed] = own[is_changed]
         elif encoding in _YUV:
-            _put_yuv(stored, painted, before, _YUV[encoding][1])
-        elif stored.ndim == 2:
-            stored[is_changed] = _rounded(painted[is_changed] @ _LUMA)
+            _put_yuv(stored, painted, before, is_changed, _YUV[encoding][1])
         else:
-            for colour, channel in enumerate(_ORDERS[encoding]):
-                stored[:, :, channel] = painted[:, :, colour]
+            stored[is_changed] = _rounded(painted[is_changed] @ _LUMA)
         return RawColour(self.image.with_pixels(stored))
 
     def _colours(self) -> npt.NDArray[np.int64]:
@@ -130,13 +131,14 @@ class RawColour:
         return np.asarray(tile[rows % 2, columns % 2])[:, :, np.newaxis]
 
 
-def _put_yuv(stored: Pixels, painted: Pixels, before: Pixels, luma: int) -> None:
-    """Put painted pixels (H, W, 3) into those of YUV (H, W, 2), where they are not as `before`.
+def _put_yuv(
+    stored: Pixels, painted: Pixels, before: Pixels, is_changed: npt.NDArray[np.bool_], luma: int
+) -> None:
+    """Put painted pixels (H, W, 3) into those of YUV (H, W, 2), where they changed (H, W).
 
     A pair's chroma is that of its mean colour, where one of the two changed. A shadow makes no luma
     greater, though colours that RGB does not have come back as others.
     """
-    is_changed = (painted != before).any(axis=2)
     (share, least), now, was = _LUMA_RANGE, painted[is_changed], stored[is_changed, luma]
     lumas = _rounded(share * (now @ _LUMA) + least)
     is_darker = (now <= before[is_changed]).all(axis=1)
