@@ -169,11 +169,6 @@ class Solution:
     settled: npt.NDArray[np.int32]
     epochs: int
 
-    @property
-    def nbytes(self) -> int:
-        """Memory of the planes."""
-        return self.planes.nbytes
-
     def plane(self, epochs_left: int) -> Floats:
         """Return V (4, h, w) for a number of epochs left, from the planes kept."""
         last: Floats = self.planes[min(epochs_left, self.epochs) % len(self.planes)]

@@ -3,14 +3,13 @@
 import math
 from collections import OrderedDict
 from dataclasses import dataclass, replace
-from typing import Final, Generic, Protocol, TypeVar
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros.agents.mdp.coarse_map import Cell, CoarseMap
 from are_ros.agents.mdp.model import (
-    Solution,
     TravelModel,
     Ways,
     Window,
@@ -21,56 +20,8 @@ from are_ros.agents.mdp.model import (
 )
 from are_ros.agents.mdp.routes import ValueArrays
 
-
-class Sized(Protocol):
-    """An object that knows its memory."""
-
-    @property
-    def nbytes(self) -> int:
-        """Memory [bytes]."""
-
-
-Key = TypeVar("Key")
-Table = TypeVar("Table", bound=Sized)
-
-
-class TableStore(Generic[Key, Table]):
-    """A cache by key, bounded in bytes: drops the least recently used, keeps the newest."""
-
-    def __init__(self, budget_bytes: int) -> None:
-        self._budget_bytes = budget_bytes
-        self._tables: OrderedDict[Key, Table] = OrderedDict()
-        self.nbytes = 0
-
-    def __len__(self) -> int:
-        return len(self._tables)
-
-    def clear(self) -> None:
-        """Forget all."""
-        self._tables.clear()
-        self.nbytes = 0
-
-    def get(self, key: Key) -> Table | None:
-        """Return the table of a key, which counts as used now; None if there is none."""
-        table = self._tables.get(key)
-        if table is not None:
-            self._tables.move_to_end(key)
-        return table
-
-    def put(self, key: Key, table: Table) -> None:
-        """Keep the table of a new key."""
-        self._tables[key] = table
-        self.nbytes += table.nbytes
-        while self.nbytes > self._budget_bytes and len(self._tables) > 1:
-            _, oldest = self._tables.popitem(last=False)
-            self.nbytes -= oldest.nbytes
-
-
 KEPT_BYTES_PER_TABLE: Final = 2**17
 """Planes of the last epochs are kept up to this size, at least that of the longest horizon."""
-
-SWEPT_BYTES: Final = 128 * 2**20
-"""Memory for the planes of larger tables that were computed again."""
 
 SWEPT_EPOCHS: Final = 8
 """So many planes are computed again at once: the decisions of an agent ask for one by one."""
@@ -78,10 +29,9 @@ SWEPT_EPOCHS: Final = 8
 NEVER_SETTLED: Final = 255
 
 SHARED_CELLS: Final = 128 * 128
-"""A window up to this size serves all trips to a goal; in a larger one, a trip uses a part."""
+"""A window up to this size serves all trips to a goal; in a larger one, a trip uses a part.
 
-PARTS_BYTES: Final = 8 * 2**20
-"""Memory for tables of such parts: hardly two trips share one, and reused memory is faster."""
+The table of a part is not kept: hardly two trips share one."""
 
 TRIP_MARGINS_M: Final = (2.0, 4.0, 12.0)
 """Margins of such parts about start and goal: the first one that loses no better way is used."""
@@ -169,11 +119,11 @@ class ValueTable:
         return self.cost(cell) < math.inf
 
 
-_Store = TableStore[TableKey, ValueTable]
-
-
 class ValueTables:
-    """Value tables by (map, model, goal cell, window), least recently used dropped first."""
+    """Value tables by (map, model, goal cell, window), least recently used dropped first.
+
+    `nbytes` is the memory of those that are kept: all but tables of single trips.
+    """
 
     def __init__(
         self,
@@ -187,29 +137,23 @@ class ValueTables:
         A window is two longest trips wide.
 
         If the epochs of a horizon cost less than the turns of a type, it stands rather than turns.
-        `budget_bytes` bounds all tables that trips to a goal share, and with `PARTS_BYTES` those of
-        single trips; `kept_bytes` bounds the planes of one table.
+        `budget_bytes` bounds the tables that are kept, but for the newest one; `kept_bytes` bounds
+        the planes of one table.
         """
         self._horizon = horizon
         self._max_trip_m = max_trip_m
+        self._budget_bytes = budget_bytes
         self._kept_bytes = kept_bytes
-        self._shared = _Store(budget_bytes)
-        self._parts = _Store(min(budget_bytes, PARTS_BYTES))
-        self._swept = TableStore[tuple[TableKey, int], Solution](SWEPT_BYTES)
+        self._tables: OrderedDict[TableKey, ValueTable] = OrderedDict()
+        self.nbytes = 0
 
     def __len__(self) -> int:
-        return len(self._shared) + len(self._parts)
-
-    @property
-    def nbytes(self) -> int:
-        """Memory of all tables that are kept."""
-        return sum(store.nbytes for store in (self._shared, self._parts, self._swept))
+        return len(self._tables)
 
     def clear(self) -> None:
         """Drop all tables: the map has changed."""
-        self._shared.clear()
-        self._parts.clear()
-        self._swept.clear()
+        self._tables.clear()
+        self.nbytes = 0
 
     def value(
         self,
@@ -236,8 +180,7 @@ class ValueTables:
             table = self._of_part(coarse, model, goal, window, start, goal_m, left)
         if table is None:
             key = (coarse.key, model, goal, window, self._horizon)
-            found = self._table_or_ways(self._shared, coarse, key)
-            table = self._solved(self._shared, coarse, key, found, goal_m)
+            table = self._kept(coarse, key, goal_m)
         return table if table.goal_m == goal_m else replace(table, goal_m=goal_m)
 
     def _of_part(
@@ -250,66 +193,61 @@ class ValueTables:
         goal_m: tuple[float, float],
         horizon: int,
     ) -> ValueTable | None:
-        """Return the table of the smallest part that certainly has the best way; None if none has.
-
-        The result depends on start and goal only, not on the tables kept.
-        """
+        """Return the table of the smallest part that certainly has the best way, None without."""
         for margin_m in TRIP_MARGINS_M:
             margin = math.ceil(margin_m / coarse.cell_size_m)
             window = _part(whole, goal, start, margin)
             if not _holds(window, start):
                 return None
-            key = (coarse.key, model, goal, window, horizon)
-            found = self._table_or_ways(self._parts, coarse, key)
-            (row, col), _ = window
-            if found.costs[start[0] - row, start[1] - col] <= _least_outside(
-                model, goal, start, margin
-            ):
-                return self._solved(self._parts, coarse, key, found, goal_m)
+            ways = ways_to(coarse.edges, coarse.nearness, goal, model, window)
+            row, col = window[0]
+            cost = ways.costs[start[0] - row, start[1] - col]
+            if cost <= _least_outside(model, goal, start, margin):
+                key = (coarse.key, model, goal, window, horizon)
+                return self._solved(coarse, key, ways, goal_m)
         return None
 
-    def swept(self, table: ValueTable, epochs_left: int) -> ValueTable:
-        """Return a table with the planes of `SWEPT_EPOCHS` epochs computed again, that one too."""
-        last = epochs_left - epochs_left % SWEPT_EPOCHS + SWEPT_EPOCHS - 1
-        found = self._swept.get((table.key, last))
-        if found is None:
-            found = solve(problem_of(table.ways), last, 16 * SWEPT_EPOCHS * table.costs.size)
-            self._swept.put((table.key, last), found)
-        return replace(table, planes=found.planes, epochs=(found.epochs, last))
-
-    def _table_or_ways(self, store: _Store, coarse: CoarseMap, key: TableKey) -> ValueTable | Ways:
-        """Return the table of a window, or the ways from which to compute it."""
+    def _kept(self, coarse: CoarseMap, key: TableKey, goal_m: tuple[float, float]) -> ValueTable:
+        """Return the table of a key; a new one has `goal_m` as its end point, and is kept."""
+        table = self._tables.get(key)
+        if table is not None:
+            self._tables.move_to_end(key)
+            return table
         _, model, goal, window, _ = key
-        known = store.get(key)
-        return known or ways_to(coarse.edges, coarse.nearness, goal, model, window)
+        ways = ways_to(coarse.edges, coarse.nearness, goal, model, window)
+        table = self._tables[key] = self._solved(coarse, key, ways, goal_m)
+        self.nbytes += table.nbytes
+        while self.nbytes > self._budget_bytes and len(self._tables) > 1:
+            _, oldest = self._tables.popitem(last=False)
+            self.nbytes -= oldest.nbytes
+        return table
 
     def _solved(
-        self,
-        store: _Store,
-        coarse: CoarseMap,
-        key: TableKey,
-        found: ValueTable | Ways,
-        goal_m: tuple[float, float],
+        self, coarse: CoarseMap, key: TableKey, ways: Ways, goal_m: tuple[float, float]
     ) -> ValueTable:
-        """Return the table; compute it from ways if necessary, with `goal_m` as its end point."""
-        if isinstance(found, Ways):
-            solution = solve(problem_of(found), key[-1], self._kept_bytes)
-            found = ValueTable(
-                planes=solution.planes,
-                epochs=(solution.epochs, key[-1]),
-                settled=np.minimum(solution.settled, NEVER_SETTLED).astype(np.uint8),
-                lengths=found.lengths,
-                costs=found.costs,
-                nearness=coarse.nearness,
-                key=key,
-                goal_m=goal_m,
-            )
-            store.put(key, found)
-        return found
+        """Return the table that follows from the ways to a goal."""
+        solution = solve(problem_of(ways), key[-1], self._kept_bytes)
+        return ValueTable(
+            planes=solution.planes,
+            epochs=(solution.epochs, key[-1]),
+            settled=np.minimum(solution.settled, NEVER_SETTLED).astype(np.uint8),
+            lengths=ways.lengths,
+            costs=ways.costs,
+            nearness=coarse.nearness,
+            key=key,
+            goal_m=goal_m,
+        )
 
     def _window(self, coarse: CoarseMap, goal: Cell) -> Window:
         reach = math.ceil(self._max_trip_m / coarse.cell_size_m)
         return _part(((0, 0), coarse.shape), goal, goal, reach)
+
+
+def swept(table: ValueTable, epochs_left: int) -> ValueTable:
+    """Return a table with the planes of `SWEPT_EPOCHS` epochs computed again, that one too."""
+    last = epochs_left - epochs_left % SWEPT_EPOCHS + SWEPT_EPOCHS - 1
+    found = solve(problem_of(table.ways), last, 16 * SWEPT_EPOCHS * table.costs.size)
+    return replace(table, planes=found.planes, epochs=(found.epochs, last))
 
 
 def _cells_in(window: Window) -> int:

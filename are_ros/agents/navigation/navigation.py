@@ -19,7 +19,7 @@ from are_ros.agents.local_planner.body import MotionCommand
 from are_ros.agents.mdp.coarse_map import CoarseMaps
 from are_ros.agents.mdp.model import TravelModel
 from are_ros.agents.mdp.routes import AHEAD, best_action
-from are_ros.agents.mdp.value_tables import ValueTable, ValueTables
+from are_ros.agents.mdp.value_tables import ValueTable, ValueTables, swept
 from are_ros.agents.navigation.destinations import Destinations, ReachableDestinations
 from are_ros.agents.navigation.profile import NavigationProfile
 from are_ros.agents.navigation.step_kernels import (
@@ -254,7 +254,7 @@ class Navigation:
         is_moving_goal = request.intent.is_moving_goal
         known = prospect_of(crowd, around, agent, is_moving_goal, values, *active.arrays)
         if known[0] == UNKNOWN:
-            table = self._tables.swept(active.table, max(0, epochs - AHEAD))
+            table = swept(active.table, max(0, epochs - AHEAD))
             active = request.state.active[key] = active.with_table(table)
             known = prospect_of(crowd, around, agent, is_moving_goal, values, *active.arrays)
         what, heading, value = known

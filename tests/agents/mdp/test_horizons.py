@@ -19,7 +19,7 @@ from are_ros.agents.mdp.routes import (
     best_action,
     is_settled,
 )
-from are_ros.agents.mdp.value_tables import SWEPT_EPOCHS, ValueTable, ValueTables
+from are_ros.agents.mdp.value_tables import SWEPT_EPOCHS, ValueTable, ValueTables, swept
 from are_ros.agents.navigation.terrain import Terrain
 from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.map_io import read_map_file
@@ -64,7 +64,7 @@ def compare(
     the fields of `ValueArrays`.
     """
     everything, one_plane = ValueArrays(*full), ValueArrays(*least)
-    swept = ValueArrays(again, (again.shape[0] - 1, HORIZON), *least[2:])
+    all_planes = ValueArrays(again, (again.shape[0] - 1, HORIZON), *least[2:])
     (rows, columns), paces = everything.costs.shape, everything.paces.shape[0]
     kept, bounded = np.empty((paces, 5)), np.empty((paces, 5))
     nobody = np.empty((AHEAD, 0, 5))
@@ -78,7 +78,7 @@ def compare(
                 for heading in range(4):
                     state = (row, col, heading)
                     action_values(everything, left, anchors_m, others, state, kept)
-                    ours = one_plane if holds else swept
+                    ours = one_plane if holds else all_planes
                     action_values(ours, left, anchors_m, others, state, bounded)
                     counts[0] += 1
                     counts[1] += best_action(kept, heading) != best_action(bounded, heading)
@@ -95,7 +95,7 @@ def differing(coarse: CoarseMap, goal_m: tuple[float, float], kept_planes: int =
     sizes = (2**40, kept_bytes)
     everything, bounded = (ValueTables(HORIZON - AHEAD, kept_bytes=kept) for kept in sizes)
     full, least = (table_of(tables, coarse, goal_m) for tables in (everything, bounded))
-    tables = [bounded.swept(least, t) for t in range(HORIZON - AHEAD + 1)]
+    tables = [swept(least, t) for t in range(HORIZON - AHEAD + 1)]
     again = np.stack(
         [one.planes[min(t, one.epochs[0]) % SWEPT_EPOCHS] for t, one in enumerate(tables)]
     )
@@ -104,9 +104,9 @@ def differing(coarse: CoarseMap, goal_m: tuple[float, float], kept_planes: int =
     assert (again[len(full.planes) :] == full.planes[-1]).all()
     counts = np.zeros(4, np.int64)
     compare(tuple(full.value_arrays), tuple(least.value_arrays), again, coarse.anchors_m, counts)
-    states, actions, values, swept = counts.tolist()
+    states, actions, values, computed_again = counts.tolist()
     assert states == np.isfinite(full.costs).sum() * 4 * HORIZON
-    assert 0 < swept < states
+    assert 0 < computed_again < states
     assert values == 0
     return int(actions)
 

@@ -240,6 +240,6 @@ def test_the_table_of_a_trip_ends_with_the_life_and_goes_on_if_that_does(
     for epochs in range(6):
         at = min(epochs, whole.epochs[0])
         assert (short.planes[epochs] == whole.planes[at]).all()
-    later = tables.swept(short, 11)
+    later = value_tables.swept(short, 11)
     last = min(11, later.epochs[0])
     assert (later.planes[last % len(later.planes)] == whole.planes[min(11, whole.epochs[0])]).all()
