@@ -21,9 +21,6 @@ TOO_OLD: Final = "s old"
 _USUAL_BASES = ("base_footprint", "base_link")
 
 
-_Answer = tuple[tuple[int, RigidTransform] | None, str]
-
-
 @dataclass(frozen=True, eq=False)
 class RobotPose:
     """The robot at `stamp_ns`: base in the map's frame, and its footprint laid there."""
@@ -51,8 +48,6 @@ class RobotTracker:
         self._frames = frames
         self._map_frame = map_frame
         self._max_age_ns = max_age_ns
-        self._question: tuple[str, int, int] | None = None
-        self._answer: _Answer = (None, "")
 
     def base_frame(self) -> str:
         """Return the base frame: the one configured, else a usual one that exists.
@@ -100,14 +95,10 @@ class RobotTracker:
         others = [name for name in sorted(names) if name.rpartition("/")[2] in _USUAL_BASES]
         return f"; set frames.base, to {' or '.join(others)}" if others else ""
 
-    def _transform_of(self, frame: str, now_ns: int) -> _Answer:
+    def _transform_of(
+        self, frame: str, now_ns: int
+    ) -> tuple[tuple[int, RigidTransform] | None, str]:
         """Return (stamp, map_from_frame), the latest not after `now_ns`, or None and the reason."""
-        question = (frame, now_ns, self._frames.changes)
-        if question != self._question:
-            self._question, self._answer = question, self._look_up(frame, now_ns)
-        return self._answer
-
-    def _look_up(self, frame: str, now_ns: int) -> _Answer:
         try:
             stamp_ns = self._frames.latest_before(self._map_frame, frame, now_ns)
             if now_ns - stamp_ns > self._max_age_ns:

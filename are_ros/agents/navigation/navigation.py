@@ -164,7 +164,6 @@ class Navigation:
         self._settings = settings
         self._terrains = terrains
         self._environment: Environment | None = None
-        self._known_terrains: dict[float, Terrain] = {}
         epochs = max(1, round(settings.max_horizon / settings.decision_period))
         self.horizon = epochs
         self._coarse_maps = CoarseMaps(settings.cell_size)
@@ -174,7 +173,6 @@ class Navigation:
         """Use another environment, or other destinations in it; forget values of the last one."""
         if environment is not self._environment:
             self._tables.clear()
-            self._known_terrains.clear()
         self._environment, self.places = environment, places
         self._reach = ReachableDestinations(places)
 
@@ -335,11 +333,7 @@ class Navigation:
     def _terrain(self, profile: NavigationProfile) -> Terrain:
         if self._environment is None:
             raise RuntimeError(_NO_ENVIRONMENT)
-        terrain = self._known_terrains.get(profile.height_m)
-        if terrain is None:
-            terrain = self._terrains.of(self._environment, profile.height_m)
-            self._known_terrains[profile.height_m] = terrain
-        return terrain
+        return self._terrains.of(self._environment, profile.height_m)
 
     def _epochs(self, left_s: float | None) -> int:
         """Return the horizon: the rest of the life, at most the longest [decision periods]."""
