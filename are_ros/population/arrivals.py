@@ -170,11 +170,6 @@ class RandomSource:
         self.set_rows(rows, law)
         self.set_mean_group_size(mean_group_size)
 
-    @property
-    def mean_group_size(self) -> float:
-        """The mean g of a group's size."""
-        return self._mean_group_size
-
     def next_ns(self) -> int | None:
         """Return the instant of the next arrival [ns], None if none comes at the present rate."""
         return self._arrivals.next_ns()

@@ -75,9 +75,6 @@ class DepartureLaw(ABC):
         """Return when this artefact leaves [ns], None if that is not known in advance."""
         return None
 
-    def check(self, members_per_s: float, mean_life_s: float, max_alive: int | None) -> None:  # noqa: B027 - a law that is always stationary accepts everything
-        """Raise `ParameterError` where the number of artefacts would grow without bound."""
-
     @abstractmethod
     def restart(self, now_ns: int) -> None:
         """Forget all lives and go on at `now_ns`, earlier or later."""
@@ -202,10 +199,6 @@ class ConstantRateDepartures(DepartureLaw):
         chosen = self._alive[int(self._uniform() * len(self._alive))]
         return Departure(max(time_ns, self._not_empty_since_ns), chosen)
 
-    def check(self, members_per_s: float, mean_life_s: float, max_alive: int | None) -> None:
-        """Refuse as many arrivals as departures where nothing bounds the number alive."""
-        check_stationary(members_per_s, mean_life_s, max_alive)
-
     def restart(self, now_ns: int) -> None:
         """Forget all lives; the present exponential goes on with the next arrival."""
         self._alive.clear()
@@ -243,19 +236,3 @@ def leaving_rate_per_s(mean_life_s: float) -> float:
     if not rate_per_s < float("inf"):
         raise ParameterError(f"a mean life of {mean_life_s} s is not a duration above 0")
     return rate_per_s
-
-
-def check_stationary(members_per_s: float, mean_life_s: float, max_alive: int | None) -> None:
-    """Refuse a constant-rate chain that would grow without bound.
-
-    Raises `ParameterError` if artefacts arrive at `members_per_s` >= mu and nothing bounds them.
-    """
-    rate_per_s = leaving_rate_per_s(mean_life_s)
-    if max_alive is None and members_per_s >= rate_per_s:
-        msg = (
-            f"with population.departures at constant_rate, {members_per_s:.6g} artefacts per second"
-            f" arrive and at most {rate_per_s:.6g} leave (mean life {mean_life_s:.6g} s), so their"
-            " number would grow for ever: lower population.arrival_rate, shorten"
-            " population.mean_life or bound population.max_alive"
-        )
-        raise ParameterError(msg)

@@ -96,8 +96,8 @@ Admit = Callable[[ScriptedOffer], GroundPose | str]
 class Population:
     """The artefacts alive, and the events that change them, one at a time and in order.
 
-    Of two events at one instant, a departure comes before an arrival. The bound `max_alive` (None:
-    none) counts all artefacts alive. The law of departures does not apply to artefacts of rows that
+    Of two events at one instant, a departure comes before an arrival. The bound `max_alive`
+    counts all artefacts alive. The law of departures does not apply to artefacts of rows that
     live for ever, nor to those with a given end.
 
     If `stays_on` is true, the artefact outlives its end until it is removed: it is leaving, and
@@ -110,7 +110,7 @@ class Population:
         source: RandomSource,
         departures: DepartureLaw,
         *,
-        max_alive: int | None = 200,
+        max_alive: int = 200,
         history_ns: int = 2 * NS_PER_S,
         stays_on: Callable[[Artefact], bool] = lambda _: False,
         begun: Callable[[Artefact, ScriptedOffer | None], object] = lambda *_: None,
@@ -173,12 +173,10 @@ class Population:
         """Set lambda [1/(m^2 s)], nu(M2D) [m^2] and 1/mu [s] from `now_ns` on.
 
         Values that are already in force change nothing, bit for bit. Raises `ParameterError`, and
-        changes nothing, where one is out of its domain or the law of departures refuses them.
+        changes nothing, where one is out of its domain.
         """
         rate_per_s = checked_rate(arrival_rate * area_m2)
         leaving_rate_per_s(mean_life_s)
-        members_per_s = rate_per_s * self._source.mean_group_size
-        self._law.check(members_per_s, mean_life_s, self.max_alive)
         self._source.set_rate(rate_per_s, now_ns)
         self._law.set_mean_life(mean_life_s, now_ns)
         for artefact in self._living.values():
@@ -408,7 +406,7 @@ class Population:
         return event
 
     def _is_full(self) -> bool:
-        return self.max_alive is not None and len(self._living) >= self.max_alive
+        return len(self._living) >= self.max_alive
 
     def _forget_before(self, t_ns: int) -> None:
         """Drop artefacts departed up to then; they are in the order of departures."""
