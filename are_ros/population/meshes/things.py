@@ -366,10 +366,7 @@ def crate(spec: BodySpec) -> Solid:
         tone = spec.paint(0.13)
         board = soft_box((-0.985 * x, 0.9 * y, low), (0.985 * x, 0.975 * y, high_z), 0.004, tone)
         end = soft_box(
-            (0.9 * x, -0.93 * y, low),
-            (0.98 * x, 0.93 * y, high_z),
-            0.004,
-            spec.paint(0.13),
+            (0.9 * x, -0.93 * y, low), (0.98 * x, 0.93 * y, high_z), 0.004, spec.paint(0.13)
         )
         parts += [
             *mirrored(board),
