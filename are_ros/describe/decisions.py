@@ -380,10 +380,6 @@ def _share_rows(lives: Lives) -> list[tuple[str, str]]:
     catalogue, realised = lives.catalogue, lives.shares
     names = sorted(realised, key=lambda name: -catalogue[name])
     words = [f"{name} {percent(realised[name])} ({percent(catalogue[name])})" for name in names]
-    lines = _wrapped(words)
+    lines = [", ".join(words[k : k + 3]) for k in range(0, len(words), 3)]
     whose = f"of the time of {len(lives.ways)} simulated lives (of the catalogue)"
     return [("shares", whose), *(("", line) for line in lines)]
-
-
-def _wrapped(words: Sequence[str], most: int = 3) -> list[str]:
-    return [", ".join(words[k : k + most]) for k in range(0, len(words), most)]

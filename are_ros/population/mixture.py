@@ -32,26 +32,18 @@ class TruncatedPoissonMixture:
         for number, rate in enumerate(rates):
             if not rate > 0.0:
                 raise ParameterError(f"mixture.rates[{number}] is {rate}, but a rate is positive")
-        self._weights: Numbers = np.array(weights, dtype=np.float64) / math.fsum(weights)
-        self._rates: Numbers = np.array(rates, dtype=np.float64)
+        self.weights: Numbers = np.array(weights, dtype=np.float64) / math.fsum(weights)
+        """The weights pi, float64 (n,), summing to 1."""
+        self.rates: Numbers = np.array(rates, dtype=np.float64)
+        """The rates lambda, float64 (n,)."""
         self._components: Numbers = np.exp([_log_masses(rate, rows) for rate in rates])
         kept = self._components.sum(axis=1)
         _check_kept(rates, kept, rows)
         self._components /= kept[:, np.newaxis]
-        self._probabilities: Numbers = self._weights @ self._components
+        self._probabilities: Numbers = self.weights @ self._components
         self._cumulative = np.cumsum(self._probabilities)
-        for array in (self._weights, self._rates, self._components, self._probabilities):
+        for array in (self.weights, self.rates, self._components, self._probabilities):
             array.flags.writeable = False
-
-    @property
-    def weights(self) -> Numbers:
-        """The weights pi, float64 (n,), summing to 1."""
-        return self._weights
-
-    @property
-    def rates(self) -> Numbers:
-        """The rates lambda, float64 (n,)."""
-        return self._rates
 
     def component_probabilities(self) -> Numbers:
         """Return the law of each component, float64 (n, rows), read-only."""

@@ -4,6 +4,7 @@ import math
 import re
 import zlib
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -107,11 +108,9 @@ def _bmp(path: Path, data: bytes) -> MapImage:
 def _decoded(path: Path, data: bytes, kind: str) -> npt.NDArray[np.integer]:
     import cv2
 
-    try:
+    image = None
+    with suppress(cv2.error):
         image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error as error:
-        message = f"{path}: the {kind} cannot be decoded"
-        raise MapError(message) from error
     if image is None:
         raise MapError(f"{path}: the {kind} cannot be decoded")
     return cast("npt.NDArray[np.integer]", image)

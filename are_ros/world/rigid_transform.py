@@ -152,6 +152,17 @@ class RigidTransform:
         return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
+def in_level_frame(
+    map_from_frame: RigidTransform, points_m: npt.ArrayLike
+) -> tuple[Vector, Vector]:
+    """Return x and y (N,), in a frame that is turned about z only, of points (N, 2 or 3)."""
+    offset_m = np.asarray(points_m, dtype=np.float64)[:, :2] - map_from_frame.translation_m[:2]
+    cosine, sine = cosine_and_sine(map_from_frame.rotation_xyzw)
+    x_m = offset_m[:, 0] * cosine + offset_m[:, 1] * sine
+    y_m = offset_m[:, 1] * cosine - offset_m[:, 0] * sine
+    return x_m, y_m
+
+
 def why_invalid(x: float, y: float, z: float, i: float, j: float, k: float, w: float) -> str | None:
     """Return why a translation (x, y, z) [m] and a quaternion (i, j, k, w) are refused, or None."""
     norm2 = i * i + j * j + k * k + w * w

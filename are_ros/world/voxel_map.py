@@ -23,7 +23,7 @@ from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import (
     MAX_TILT_RAD,
     RigidTransform,
-    cosine_and_sine,
+    in_level_frame,
     tilt_rad,
     yaw_only,
 )
@@ -461,11 +461,10 @@ class VoxelMap:
 
         A voxel holds its low faces, not its high ones; it may lie outside the array.
         """
-        offset = np.asarray(points_m, dtype=np.float64) - self.map_from_lattice.translation_m
-        cosine, sine = cosine_and_sine(self.map_from_lattice.rotation_xyzw)
-        along_x = offset[:, 0] * cosine + offset[:, 1] * sine
-        along_y = offset[:, 1] * cosine - offset[:, 0] * sine
-        local = np.column_stack((along_x, along_y, offset[:, 2]))
+        points = np.asarray(points_m, dtype=np.float64)
+        along_x, along_y = in_level_frame(self.map_from_lattice, points)
+        up = points[:, 2] - self.map_from_lattice.translation_m[2]
+        local = np.column_stack((along_x, along_y, up))
         voxels: npt.NDArray[np.int64]
         voxels = np.floor(local / np.array(self.voxel_size_m)).astype(np.int64)
         return voxels
