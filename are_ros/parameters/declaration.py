@@ -96,11 +96,13 @@ def with_values(section: _Section, values: Mapping[str, Any]) -> _Section:
 def _described(path: str, field: Any) -> Description:
     default, details = field.default, field.metadata
     choices = tuple(str(one.value) for one in type(default)) if isinstance(default, Enum) else ()
+    low, high = details["bounds"]
     return Description(
         path,
         plain(default),
         details["unit"],
-        *details["bounds"],
+        low,
+        high,
         choices,
         details["live"],
         details["text"],

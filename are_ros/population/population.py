@@ -334,7 +334,10 @@ class Population:
         events: list[PopulationEvent] = []
         near: tuple[float, float] | None = None
         for artefact_id, row in offer.members:
-            pose = self._find_pose(artefact_id, row, near, place)
+            pose: GroundPose | Cause = Cause.MAX_ALIVE
+            if not self._is_full():
+                stream = generator(self._seed, Purpose.PLACE, artefact_id)
+                pose = place(artefact_id, row, stream, near) or Cause.NO_PLACE
             if isinstance(pose, Cause):
                 blocked = EventKind.BLOCKED
                 events.append(self._event(offer.time_ns, blocked, artefact_id, row, pose))
@@ -342,14 +345,6 @@ class Population:
             near = near or (pose.x_m, pose.y_m)
             events.append(self._begin(artefact_id, row, pose, offer.time_ns, Origin.RANDOM, None))
         return events
-
-    def _find_pose(
-        self, artefact_id: int, row: CatalogueRow, near: tuple[float, float] | None, place: Place
-    ) -> GroundPose | Cause:
-        if self._is_full():
-            return Cause.MAX_ALIVE
-        stream = generator(self._seed, Purpose.PLACE, artefact_id)
-        return place(artefact_id, row, stream, near) or Cause.NO_PLACE
 
     def _begin(
         self,

@@ -21,6 +21,7 @@ from are_ros.population.meshes.detail import (
     TAIL_LIGHT,
     WHITE,
     BodySpec,
+    half_turned,
     hull,
     rod,
     shade_of,
@@ -209,17 +210,12 @@ def _face(size_m: Point, random: np.random.Generator) -> list[Solid]:
             (-front + 0.002, -0.62 * y, 0.17 * z), (-front + 0.1, 0.62 * y, 0.25 * z), 0.02, RUBBER
         ),
         *plate(front - 0.016, 0.25 * z, random),
-        *(turned_back(part) for part in plate(front - 0.016, 0.42 * z, random)),
+        *(half_turned(part) for part in plate(front - 0.016, 0.42 * z, random)),
     ]
     lamps = soft_box(
         (front - 0.14, 0.6 * y, 0.18 * z), (front - 0.012, 0.7 * y, 0.225 * z), 0.02, WHITE
     )
     return [*parts, *mirrored(lamps)]
-
-
-def turned_back(part: Solid) -> Solid:
-    """Return a part turned by half a turn about the vertical."""
-    return Solid(part.vertices_m * (-1.0, -1.0, 1.0), part.faces, part.colours)
 
 
 def plate(front: float, z: float, random: np.random.Generator) -> list[Solid]:
@@ -368,7 +364,7 @@ def lorry(spec: BodySpec) -> Solid:
         box((rear + 0.06, -0.86 * y, 0.18 * z), (rear + 0.14, 0.86 * y, 0.21 * z), STEEL),
         box((rear - 0.004, -0.01, box_low + 0.05), (rear + 0.02, 0.01, z - 0.05), DARK),
         *plate(front - 0.014, 0.19 * z, spec.generator),
-        *(turned_back(part) for part in plate(front - 0.12, 0.235 * z, spec.generator)),
+        *(half_turned(part) for part in plate(front - 0.12, 0.235 * z, spec.generator)),
     ]
     parts += [
         soft_box((front - 0.1, -0.5 * y, low * z), (front, 0.5 * y, (low + 0.025) * z), 0.015, DARK)

@@ -1,7 +1,7 @@
 """What one source says of one edge, checked, and which of several sources holds."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from are_ros.errors import InvalidTransformError
 from are_ros.world.rigid_transform import Pose, Values, inverted, normalised, why_invalid
@@ -18,11 +18,6 @@ class Claim:
     pose: Pose
     source: TransformSource
     is_static: bool
-
-    def turned_round(self) -> "Claim":
-        """Return the same claim with parent and child exchanged."""
-        pose = inverted(self.pose)
-        return Claim(self.child, self.parent, self.stamp_ns, pose, self.source, self.is_static)
 
 
 def checked_pose(parent: str, child: str, translation_m: Values, rotation_xyzw: Values) -> Pose:
@@ -116,7 +111,8 @@ class Precedence:
             f"the transform {claim.parent} -> {claim.child} from {_NAMES[claim.source]} is kept as "
             f"{claim.child} -> {claim.parent}, as this pair of frames was given before"
         )
-        return claim.turned_round()
+        pose = inverted(claim.pose)
+        return replace(claim, parent=claim.child, child=claim.parent, pose=pose)
 
     def _is_overruled(self, claim: Claim) -> bool:
         """Tell whether a stronger source gives the child's parent; say so, either way."""
