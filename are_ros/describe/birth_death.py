@@ -39,23 +39,6 @@ def _poisson_tail(rate: float) -> Numbers:
     return tail
 
 
-def poisson_solution(jumps: Any, deaths_per_s: Numbers, rewards: Numbers, law: Numbers) -> Numbers:
-    """Return h with Q h = -rewards and (law, h) = 0; the rewards have mean 0 under the law.
-
-    Q is singular: its equation at the likeliest level follows from the others and is left out.
-    """
-    from scipy.sparse import diags_array
-    from scipy.sparse.linalg import spsolve
-
-    falls = np.append(0.0, deaths_per_s[1:])
-    rests = diags_array(jumps.sum(axis=1) + falls)
-    generator = jumps - rests + _one_down(falls)
-    kept = np.flatnonzero(np.arange(len(law)) != np.argmax(law))
-    h = np.zeros(len(law))
-    h[kept] = spsolve(generator.tocsr()[kept][:, kept].tocsc(), -rewards[kept])
-    return h - law @ h
-
-
 def tagged_survival(
     jumps: Any, deaths_per_s: Numbers, levels: npt.NDArray[np.int64], met: Numbers, times_s: Numbers
 ) -> Numbers:
@@ -186,14 +169,23 @@ class BirthDeath:
         It is (f, h)/(f, f) under the stationary law, where f = n - E N and h solves Poisson's
         equation Q h = -f. For independent lives without a bound it is the mean life.
         """
+        from scipy.sparse import diags_array
+        from scipy.sparse.linalg import spsolve
+
         levels = self._levels(0)
         law = self.law[levels] / self.law[levels].sum()
         deviations = levels - law @ levels
         variance = float(law @ deviations**2)
         if variance <= 0.0:
             return 0.0
-        h = poisson_solution(self._jumps(levels), self._deaths_per_s(levels), deviations, law)
-        return float(law @ (deviations * h)) / variance
+        falls_per_s = np.append(0.0, self._deaths_per_s(levels)[1:])
+        jumps = self._jumps(levels)
+        generator = jumps - diags_array(jumps.sum(axis=1) + falls_per_s) + _one_down(falls_per_s)
+        # Q is singular: its equation at the likeliest level follows from the others.
+        kept = np.flatnonzero(np.arange(len(law)) != np.argmax(law))
+        h = np.zeros(len(law))
+        h[kept] = spsolve(generator.tocsr()[kept][:, kept].tocsc(), -deviations[kept])
+        return float(law @ (deviations * (h - law @ h))) / variance
 
     def survival(self, end_s: float, steps: int) -> Numbers:
         """Return Pr(life > t) at `steps` times from 0 to `end_s`, float64 (steps,).

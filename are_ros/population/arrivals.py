@@ -139,8 +139,7 @@ class RandomSource:
         self._seed = seed
         self._arrivals = ArrivalProcess(seed, rate_per_s=0.0, now_ns=0)
         self._next_id = FIRST_ID
-        self.set_rows(rows, law)
-        self.set_mean_group_size(mean_group_size)
+        self.set_marks(rows, law, mean_group_size)
 
     def next_ns(self) -> int | None:
         """Return the instant of the next arrival [ns], None if none comes at the present rate."""
@@ -166,16 +165,17 @@ class RandomSource:
         """Set the rate of groups [1/s] from `now_ns` on."""
         self._arrivals.set_rate(rate_per_s, now_ns)
 
-    def set_rows(self, rows: Sequence[CatalogueRow], law: RowLaw) -> None:
-        """Draw later rows from another catalogue or by another law."""
+    def set_marks(self, rows: Sequence[CatalogueRow], law: RowLaw, mean_group_size: float) -> None:
+        """Draw later groups from another catalogue, by another law, of another mean size.
+
+        `ParameterError` unless the mean size is >= 1.
+        """
+        if not 1.0 <= mean_group_size < float("inf"):
+            message = f"population.group_size is {mean_group_size}, but a group has at least one"
+            raise ParameterError(message)
         self._rows = tuple(rows)
         self._law = law
-
-    def set_mean_group_size(self, mean: float) -> None:
-        """Draw later groups of another mean size; `ParameterError` unless it is >= 1."""
-        if not 1.0 <= mean < float("inf"):
-            raise ParameterError(f"population.group_size is {mean}, but a group has at least one")
-        self._mean_group_size = float(mean)
+        self._mean_group_size = float(mean_group_size)
 
     def restart(self, now_ns: int) -> None:
         """Wait for the next arrival from `now_ns` on, earlier or later; ids go on."""

@@ -361,7 +361,6 @@ def fit_by_bic(
     """
     if most < 1:
         raise ParameterError(f"{most} components at most, but a mixture has at least one")
-    _check_counts(counts)
     return _fits(counts, min(most, most_components(counts)), seed, progress)
 
 

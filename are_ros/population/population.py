@@ -185,8 +185,7 @@ class Population:
 
     def set_marks(self, rows: Sequence[CatalogueRow], law: RowLaw, mean_group_size: float) -> None:
         """Set rows, law and mean group size of later arrivals."""
-        self._source.set_mean_group_size(mean_group_size)
-        self._source.set_rows(rows, law)
+        self._source.set_marks(rows, law, mean_group_size)
 
     def postpone(self, by_ns: int) -> None:
         """Postpone given ends of lives, and scripted arrivals still to come, after a pause."""

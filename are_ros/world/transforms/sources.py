@@ -1,6 +1,5 @@
 """What one source says of one edge, checked, and which of several sources holds."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from are_ros.errors import InvalidTransformError
@@ -125,25 +124,17 @@ class Precedence:
         self._say_overruled(edge.parent, edge.child, edge.source, claim.source)
         return False
 
-    def _ancestry(self, frame: str) -> Iterator[Edge]:
-        """Yield the edges from a frame up, by their newest parents, each once."""
-        for _ in range(len(self._edges)):
-            edge = self._edges.get(frame)
-            if edge is None:
-                return
-            yield edge
-            frame = edge.parent
-
     def _opens_loop(self, claim: Claim) -> bool:
         """Drop the weakest edge of a loop that the claim would close; False: all are as strong."""
-        path = []
-        for edge in self._ancestry(claim.parent):
-            path.append(edge)
-            if edge.parent == claim.child:
-                break
-        else:
-            return True
-        weakest = min(path, key=lambda edge: edge.source)
+        path: dict[str, Edge] = {}
+        frame = claim.parent
+        while frame != claim.child:
+            edge = self._edges.get(frame)
+            if edge is None or frame in path:
+                return True
+            path[frame] = edge
+            frame = edge.parent
+        weakest = min(path.values(), key=lambda edge: edge.source)
         parent, child = claim.parent, claim.child
         if weakest.source >= claim.source:
             self._notices.say(

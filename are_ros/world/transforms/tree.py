@@ -1,7 +1,6 @@
 """The tree of frames over time, in place of tf2 (section 3.1, Frames)."""
 
 import math
-from dataclasses import dataclass
 from typing import Final, NamedTuple, NoReturn
 
 import numpy as np
@@ -18,28 +17,12 @@ from are_ros.world.rigid_transform import Pose, RigidTransform, Values, composed
 from are_ros.world.transforms.edges import Edge, TransformSource
 from are_ros.world.transforms.sources import Claim, Notices, Precedence, checked_pose
 
-__all__ = ["STATIC", "FrameEdge", "FrameTree", "TransformSource"]
+__all__ = ["STATIC", "FrameTree", "TransformSource"]
 
 STATIC: Final = 2**63 - 1
 """The latest common time of a chain of static edges: the largest int64, valid as a stamp there."""
 
 _UNMOVED: Final[Pose] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-
-
-@dataclass(frozen=True)
-class FrameEdge:
-    """An edge as `are inspect` shows it; a static one has stamps 0 and a count of 1.
-
-    `parent` is that of the newest sample; stamps are those of the first and last sample kept [ns].
-    """
-
-    parent: str
-    child: str
-    source: TransformSource
-    is_static: bool
-    first_ns: int
-    last_ns: int
-    count: int
 
 
 def in_seconds(stamp_ns: int) -> str:
@@ -231,21 +214,9 @@ class FrameTree:
         """Tell whether a transform ever named this frame, as parent or as child."""
         return name.lstrip("/") in self._names
 
-    def edges(self) -> list[FrameEdge]:
-        """Return the edges that hold now, sorted by parent and child."""
-        listed = [
-            FrameEdge(
-                edge.parent,
-                edge.child,
-                edge.source,
-                edge.is_static,
-                edge.stamps_ns[0],
-                edge.newest_ns,
-                len(edge.stamps_ns),
-            )
-            for edge in self._edges.values()
-        ]
-        return sorted(listed, key=lambda edge: (edge.parent, edge.child))
+    def edges(self) -> list[Edge]:
+        """Return the edges that hold now, sorted by parent and child; nobody writes to them."""
+        return sorted(self._edges.values(), key=lambda edge: (edge.parent, edge.child))
 
     def _admitted(
         self,
