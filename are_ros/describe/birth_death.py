@@ -17,37 +17,6 @@ _RESCALE_ABOVE = 1e200
 _NEGLIGIBLE_TAIL = 1e-16
 
 
-def stationary_law(
-    groups_per_s: float,
-    mean_group_size: float,
-    mean_life_s: float,
-    departures: Departures,
-    max_alive: int,
-    share: float = 1.0,
-) -> Numbers:
-    """Return Pr(N = n) for 0 <= n <= max_alive, float64 (max_alive + 1,), summing to 1.
-
-    Groups of 1 + Poisson(g - 1) members come at a rate [1/s], of whom each counts with probability
-    `share` on its own; members beyond the bound are blocked. One leaves at rate n/mean life
-    (independent) or 1/mean life (constant_rate). Alone (g = 1) these are the Poisson and the
-    geometric law, truncated. By balance across each level: what leaves n + 1 is what jumps over n.
-    Obstacles to placement and lives without end are left out.
-    """
-    weights = np.zeros(max_alive + 1)
-    weights[0] = 1.0
-    beyond = group_tail(mean_group_size, share)
-    is_independent = departures is Departures.INDEPENDENT
-    for n in range(max_alive):
-        reach = min(n + 1, len(beyond))
-        upwards = float(weights[n + 1 - reach : n + 1] @ beyond[:reach][::-1])
-        leavers = n + 1 if is_independent else 1
-        weights[n + 1] = groups_per_s * mean_life_s * upwards / leavers
-        if weights[n + 1] > _RESCALE_ABOVE:
-            weights /= weights[n + 1]
-    law: Numbers = weights / weights.sum()
-    return law
-
-
 def group_tail(mean_group_size: float, share: float = 1.0) -> Numbers:
     """Return Pr(M > j) for j = 0, 1, ... until it is negligible, M the members that count.
 
@@ -70,46 +39,6 @@ def _poisson_tail(rate: float) -> Numbers:
     return tail
 
 
-_DENSE = 600
-"""Up to so many levels the exponential of a step is computed once and applied again and again."""
-
-
-def jumps_per_s(count: int, beyond_per_s: Numbers) -> Any:
-    """Return the sparse rates (count, count) [1/s] of jumps up between neighbouring levels.
-
-    `beyond_per_s[j]` is the rate of jumps by more than j; what would leave the stretch ends at its
-    last level.
-    """
-    from scipy.sparse import csr_array, diags_array, hstack
-
-    if count == 1:
-        return csr_array((1, 1))
-    reach = min(len(beyond_per_s), count - 1)
-    by_exactly = -np.diff(np.append(beyond_per_s, 0.0))
-    offsets = np.arange(1, reach + 1)
-    inner = diags_array(by_exactly[:reach], offsets=offsets, shape=(count, count))
-    last = np.zeros((count, 1))
-    last[count - 1 - reach : count - 1, 0] = beyond_per_s[:reach][::-1]
-    return csr_array(hstack((inner.tocsc()[:, :-1], last)))
-
-
-def poisson_solution(jumps: Any, deaths_per_s: Numbers, rewards: Numbers, law: Numbers) -> Numbers:
-    """Return h with Q h = -rewards and (law, h) = 0; the rewards have mean 0 under the law.
-
-    Q is singular: its equation at the likeliest level follows from the others and is left out.
-    """
-    from scipy.sparse import diags_array
-    from scipy.sparse.linalg import spsolve
-
-    falls = np.append(0.0, deaths_per_s[1:])
-    rests = diags_array(jumps.sum(axis=1) + falls)
-    generator = jumps - rests + _one_down(falls)
-    kept = np.flatnonzero(np.arange(len(law)) != np.argmax(law))
-    h = np.zeros(len(law))
-    h[kept] = spsolve(generator.tocsr()[kept][:, kept].tocsc(), -rewards[kept])
-    return h - law @ h
-
-
 def tagged_survival(
     jumps: Any, deaths_per_s: Numbers, levels: npt.NDArray[np.int64], met: Numbers, times_s: Numbers
 ) -> Numbers:
@@ -117,7 +46,6 @@ def tagged_survival(
 
     `met` is the law of the level at its beginning, `times_s` are equally spaced from 0 on.
     """
-    from scipy.linalg import expm
     from scipy.sparse import diags_array
     from scipy.sparse.linalg import expm_multiply
 
@@ -125,15 +53,8 @@ def tagged_survival(
     falls = np.append(0.0, (deaths_per_s - drawn)[1:])
     rests = diags_array(jumps.sum(axis=1) + falls + drawn)
     forward = (jumps - rests + _one_down(falls)).T
-    if len(levels) > _DENSE:
-        paths = expm_multiply(forward.tocsc(), met, times_s[0], times_s[-1], len(times_s))
-        survival: Numbers = np.asarray(paths).sum(axis=1)
-        return survival
-    step = expm((times_s[1] - times_s[0]) * forward.toarray())
-    survival = np.empty(len(times_s))
-    for i in range(len(times_s)):
-        survival[i] = met.sum()
-        met = step @ met
+    paths = expm_multiply(forward.tocsc(), met, times_s[0], times_s[-1], len(times_s))
+    survival: Numbers = np.asarray(paths).sum(axis=1)
     return survival
 
 
@@ -193,15 +114,23 @@ class BirthDeath:
 
     @cached_property
     def law(self) -> Numbers:
-        """The stationary Pr(N = n), float64 (max_alive + 1,)."""
-        return stationary_law(
-            self.groups_per_s,
-            self.mean_group_size,
-            self.mean_life_s,
-            self.departures,
-            self.max_alive,
-            self.share,
-        )
+        """The stationary Pr(N = n), float64 (max_alive + 1,), summing to 1.
+
+        By balance across each level: what leaves n + 1 is what jumps over n. Alone (g = 1) it is
+        the Poisson or the geometric law, truncated. Obstacles to placement are left out.
+        """
+        weights = np.zeros(self.max_alive + 1)
+        weights[0] = 1.0
+        beyond_per_s = self._beyond_per_s
+        deaths_per_s = self._deaths_per_s(np.arange(self.max_alive + 1))
+        for n in range(self.max_alive):
+            reach = min(n + 1, len(beyond_per_s))
+            upwards = float(weights[n + 1 - reach : n + 1] @ beyond_per_s[:reach][::-1])
+            weights[n + 1] = upwards / deaths_per_s[n + 1]
+            if weights[n + 1] > _RESCALE_ABOVE:
+                weights /= weights[n + 1]
+        law: Numbers = weights / weights.sum()
+        return law
 
     @property
     def mean(self) -> float:
@@ -214,10 +143,9 @@ class BirthDeath:
         squares = (np.arange(len(self.law)) - self.mean) ** 2
         return float(np.sqrt(self.law @ squares))
 
-    def band(self, mass: float = 0.9) -> tuple[int, int]:
-        """Return the least n that leave half of `1 - mass` below, and that much above."""
-        tails = (0.5 * (1.0 - mass), 0.5 * (1.0 + mass))
-        low, high = np.searchsorted(np.cumsum(self.law), tails).tolist()
+    def band(self) -> tuple[int, int]:
+        """Return between which levels N is in nine tenths of the time, as often below as above."""
+        low, high = np.searchsorted(np.cumsum(self.law), (0.05, 0.95)).tolist()
         return low, min(high, self.max_alive)
 
     @property
@@ -241,14 +169,23 @@ class BirthDeath:
         It is (f, h)/(f, f) under the stationary law, where f = n - E N and h solves Poisson's
         equation Q h = -f. For independent lives without a bound it is the mean life.
         """
+        from scipy.sparse import diags_array
+        from scipy.sparse.linalg import spsolve
+
         levels = self._levels(0)
         law = self.law[levels] / self.law[levels].sum()
         deviations = levels - law @ levels
         variance = float(law @ deviations**2)
         if variance <= 0.0:
             return 0.0
-        h = poisson_solution(self._jumps(levels), self._deaths_per_s(levels), deviations, law)
-        return float(law @ (deviations * h)) / variance
+        falls_per_s = np.append(0.0, self._deaths_per_s(levels)[1:])
+        jumps = self._jumps(levels)
+        generator = jumps - diags_array(jumps.sum(axis=1) + falls_per_s) + _one_down(falls_per_s)
+        # Q is singular: its equation at the likeliest level follows from the others.
+        kept = np.flatnonzero(np.arange(len(law)) != np.argmax(law))
+        h = np.zeros(len(law))
+        h[kept] = spsolve(generator.tocsr()[kept][:, kept].tocsc(), -deviations[kept])
+        return float(law @ (deviations * (h - law @ h))) / variance
 
     def survival(self, end_s: float, steps: int) -> Numbers:
         """Return Pr(life > t) at `steps` times from 0 to `end_s`, float64 (steps,).
@@ -266,6 +203,11 @@ class BirthDeath:
             self._jumps(levels), self._deaths_per_s(levels), levels, met / met.sum(), times_s
         )
 
+    @cached_property
+    def _beyond_per_s(self) -> Numbers:
+        """The rates [1/s] at which more than 0, 1, ... members come at once."""
+        return self.groups_per_s * group_tail(self.mean_group_size, self.share)
+
     def _levels(self, least: int) -> npt.NDArray[np.int64]:
         """Return the contiguous levels from `least` up that are not negligible."""
         kept = np.flatnonzero(self.law > _NEGLIGIBLE)
@@ -273,8 +215,22 @@ class BirthDeath:
         return np.arange(low, max(int(kept[-1]), low) + 1)
 
     def _jumps(self, levels: npt.NDArray[np.int64]) -> Any:
-        tail = group_tail(self.mean_group_size, self.share)
-        return jumps_per_s(len(levels), self.groups_per_s * tail)
+        """Return the sparse rates [1/s] of jumps up between these levels.
+
+        What would leave the stretch ends at its last level.
+        """
+        from scipy.sparse import csr_array, diags_array, hstack
+
+        count = len(levels)
+        if count == 1:
+            return csr_array((1, 1))
+        reach = min(len(self._beyond_per_s), count - 1)
+        by_exactly = -np.diff(np.append(self._beyond_per_s, 0.0))
+        offsets = np.arange(1, reach + 1)
+        inner = diags_array(by_exactly[:reach], offsets=offsets, shape=(count, count))
+        last = np.zeros((count, 1))
+        last[count - 1 - reach : count - 1, 0] = self._beyond_per_s[:reach][::-1]
+        return csr_array(hstack((inner.tocsc()[:, :-1], last)))
 
     def _deaths_per_s(self, levels: npt.NDArray[np.int64]) -> Numbers:
         is_independent = self.departures is Departures.INDEPENDENT

@@ -160,16 +160,13 @@ def _goal_of(
     places = destinations_in(environment.grid, survey.region.mask, environment.clearance_m)
     for radius_m in dict.fromkeys((profile.radius_m, profile.narrow_m)):
         coarse = maps.of(terrain, radius_m)
+        sizes = np.bincount(coarse.components[coarse.components >= 0], minlength=1)
+        largest = sizes.argmax()
         for x_m, y_m in places.destinations_m.tolist():
             cell = coarse.cell_of(x_m, y_m)
-            if cell is not None and _is_in_largest(coarse, cell):
+            if cell is not None and coarse.components[cell] == largest:
                 return coarse, coarse.anchor_of(cell)
     raise MapError(f"{row.label} has no destination on this map: it is too wide for it")
-
-
-def _is_in_largest(coarse: CoarseMap, cell: tuple[int, int]) -> bool:
-    sizes = np.bincount(coarse.components[coarse.components >= 0])
-    return bool(coarse.components[cell] == sizes.argmax())
 
 
 def best_moves(
@@ -380,10 +377,6 @@ def _share_rows(lives: Lives) -> list[tuple[str, str]]:
     catalogue, realised = lives.catalogue, lives.shares
     names = sorted(realised, key=lambda name: -catalogue[name])
     words = [f"{name} {percent(realised[name])} ({percent(catalogue[name])})" for name in names]
-    lines = _wrapped(words)
+    lines = [", ".join(words[k : k + 3]) for k in range(0, len(words), 3)]
     whose = f"of the time of {len(lives.ways)} simulated lives (of the catalogue)"
     return [("shares", whose), *(("", line) for line in lines)]
-
-
-def _wrapped(words: Sequence[str], most: int = 3) -> list[str]:
-    return [", ".join(words[k : k + most]) for k in range(0, len(words), most)]

@@ -37,8 +37,7 @@ def parameter(
     text: str,
     *,
     unit: str = "",
-    low: float | None = None,
-    high: float | None = None,
+    bounds: tuple[float | None, float | None] = (None, None),
     live: bool = False,
 ) -> Any:
     """Declare a field: its default, meaning, unit, closed bounds, and whether it may change live.
@@ -46,7 +45,7 @@ def parameter(
     The default's type is the parameter's: bool, int, float, str, an Enum of strings, or a tuple of
     strings or floats.
     """
-    details = {"text": text, "unit": unit, "low": low, "high": high, "live": live}
+    details = {"text": text, "unit": unit, "bounds": bounds, "live": live}
     return dataclasses.field(default=default, metadata=details)
 
 
@@ -97,12 +96,13 @@ def with_values(section: _Section, values: Mapping[str, Any]) -> _Section:
 def _described(path: str, field: Any) -> Description:
     default, details = field.default, field.metadata
     choices = tuple(str(one.value) for one in type(default)) if isinstance(default, Enum) else ()
+    low, high = details["bounds"]
     return Description(
         path,
         plain(default),
         details["unit"],
-        details["low"],
-        details["high"],
+        low,
+        high,
         choices,
         details["live"],
         details["text"],

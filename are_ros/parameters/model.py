@@ -32,8 +32,7 @@ class BuilderParameters:
         10.0,
         "Ticks per second; tick k runs at k periods since the epoch.",
         unit="Hz",
-        low=0.5,
-        high=100.0,
+        bounds=(0.5, 100.0),
     )
 
 
@@ -45,12 +44,11 @@ class PopulationParameters:
         0.0005,
         "Rate lambda of arrivals per area and time; of groups, if they have more than one member.",
         unit="1/(m^2 s)",
-        low=0.0,
-        high=10.0,
+        bounds=(0.0, 10.0),
         live=True,
     )
     mean_life: float = parameter(
-        60.0, "Mean life 1/mu of an artefact.", unit="s", low=0.001, high=1e7, live=True
+        60.0, "Mean life 1/mu of an artefact.", unit="s", bounds=(0.001, 1e7), live=True
     )
     departures: Departures = parameter(
         Departures.INDEPENDENT,
@@ -60,19 +58,17 @@ class PopulationParameters:
     max_alive: int = parameter(
         200,
         "Bound on artefacts alive at once; arrivals beyond it are blocked.",
-        low=0,
-        high=100_000,
+        bounds=(0, 100_000),
         live=True,
     )
     group_size: float = parameter(
-        1.0, "Mean size g of an arriving group: 1 + Poisson(g - 1).", low=1.0, high=100.0, live=True
+        1.0, "Mean size g of an arriving group: 1 + Poisson(g - 1).", bounds=(1.0, 100.0), live=True
     )
     group_radius: float = parameter(
         2.0,
         "Members of a group are placed within this of the first.",
         unit="m",
-        low=0.1,
-        high=100.0,
+        bounds=(0.1, 100.0),
         live=True,
     )
     region: Region = parameter(
@@ -81,8 +77,7 @@ class PopulationParameters:
         "or the polygons of population.zones.",
     )
     zones: str = parameter(
-        "",
-        "YAML file of polygons: zones with weights, no_spawn, entrances, exits.",
+        "", "YAML file of polygons: zones with weights, no_spawn, entrances, exits."
     )
     scenario: str = parameter(
         "", "YAML file of scripted artefacts beside the random ones, or instead of them."
@@ -104,8 +99,7 @@ class PopulationParameters:
         60.0,
         "An artefact that is to leave but reaches no exit vanishes after this time.",
         unit="s",
-        low=0.0,
-        high=1e6,
+        bounds=(0.0, 1e6),
         live=True,
     )
 
@@ -117,12 +111,11 @@ class MixtureParameters:
     weights: tuple[float, ...] = parameter(
         (0.7, 0.12, 0.08, 0.02, 0.08),
         "Weights pi of the components; they sum to 1.",
-        low=0.0,
-        high=1.0,
+        bounds=(0.0, 1.0),
         live=True,
     )
     rates: tuple[float, ...] = parameter(
-        (15.0, 7.0, 3.0, 21.0, 5.0), "Rates lambda of the components.", low=0.0, high=1e6, live=True
+        (15.0, 7.0, 3.0, 21.0, 5.0), "Rates lambda of the components.", bounds=(0.0, 1e6), live=True
     )
 
 
@@ -131,36 +124,33 @@ class WorldParameters:
     """How the real environment is read (section 3.1)."""
 
     occupied_threshold: int = parameter(
-        65, "A cell of the map is occupied from this value on.", low=1, high=100
+        65, "A cell of the map is occupied from this value on.", bounds=(1, 100)
     )
-    free_threshold: int = parameter(25, "A cell is free up to this value.", low=0, high=99)
+    free_threshold: int = parameter(25, "A cell is free up to this value.", bounds=(0, 99))
     wall_height: float = parameter(
         2.5,
         "Height of walls extruded from the map where there is no cloud.",
         unit="m",
-        low=0.01,
-        high=100.0,
+        bounds=(0.01, 100.0),
     )
     voxel_size: float = parameter(
         0.0,
         "Edge of a voxel, the cloud's own or coarser; 0: the cloud's own, inferred from it.",
         unit="m",
-        low=0.0,
-        high=10.0,
+        bounds=(0.0, 10.0),
     )
     ground: GroundKind = parameter(
         GroundKind.PLANE,
         "What artefacts stand on: the plane z = ground_height, or the floor voxels.",
     )
     ground_height: float = parameter(
-        0.0, "Height of the ground plane in the map's frame.", unit="m", low=-1e4, high=1e4
+        0.0, "Height of the ground plane in the map's frame.", unit="m", bounds=(-1e4, 1e4)
     )
     ground_clearance: float = parameter(
         0.0,
         "Voxels whose top is within this above the ground are floor; 0: one voxel plus 1 cm.",
         unit="m",
-        low=0.0,
-        high=10.0,
+        bounds=(0.0, 10.0),
     )
 
 
@@ -176,7 +166,7 @@ class FramesParameters:
         "also finds such a name in a namespace, else takes the child frame of the odometry.",
     )
     max_age: float = parameter(
-        0.5, "Oldest robot pose that a tick accepts.", unit="s", low=0.0, high=60.0
+        0.5, "Oldest robot pose that a tick accepts.", unit="s", bounds=(0.0, 60.0)
     )
     odometry: OdometryUse = parameter(
         OdometryUse.AUTO,
@@ -195,13 +185,12 @@ class RobotParameters:
     footprint: str = parameter(
         "", 'Footprint on the base in Nav2\'s form "[[x, y], ...]"; empty: a disc of robot.radius.'
     )
-    radius: float = parameter(0.22, "Radius of a round robot.", unit="m", low=0.001, high=100.0)
+    radius: float = parameter(0.22, "Radius of a round robot.", unit="m", bounds=(0.001, 100.0))
     clearance: float = parameter(
         0.5,
         "Artefacts arrive at least this far from the robot.",
         unit="m",
-        low=0.0,
-        high=100.0,
+        bounds=(0.0, 100.0),
         live=True,
     )
 
@@ -224,20 +213,19 @@ class CameraParameters:
         "Where a camera without a frame sits on the base, looking along +x: "
         "x, y, z [m], yaw, pitch, roll [rad].",
     )
-    width: int = parameter(640, "Width of the view.", unit="px", low=1, high=10_000)
-    height: int = parameter(480, "Height of the view.", unit="px", low=1, high=10_000)
+    width: int = parameter(640, "Width of the view.", unit="px", bounds=(1, 10_000))
+    height: int = parameter(480, "Height of the view.", unit="px", bounds=(1, 10_000))
     hfov: float = parameter(
-        math.pi / 2, "Horizontal field of view of the pinhole.", unit="rad", low=0.01, high=3.1
+        math.pi / 2, "Horizontal field of view of the pinhole.", unit="rad", bounds=(0.01, 3.1)
     )
     vfov: float = parameter(
         math.pi / 2,
         "Vertical field of view of the omnidirectional model.",
         unit="rad",
-        low=0.01,
-        high=math.pi,
+        bounds=(0.01, math.pi),
     )
     rate: float = parameter(
-        10.0, "Perception runs at most this often, on ticks.", unit="Hz", low=0.01, high=1000.0
+        10.0, "Perception runs at most this often, on ticks.", unit="Hz", bounds=(0.01, 1000.0)
     )
     rectified: bool = parameter(
         False, "The view is that of the rectified image (P), not of the raw one (K and D)."
@@ -251,8 +239,7 @@ class CameraParameters:
         (10.0,),
         "How often each of camera.others looks at most, on ticks; the last holds for all further.",
         unit="Hz",
-        low=0.01,
-        high=1000.0,
+        bounds=(0.01, 1000.0),
     )
 
     @property
@@ -270,11 +257,10 @@ class OcclusionParameters:
         50,
         "An artefact is perceived when more than tau of its pixels are visible.",
         unit="px",
-        low=0,
-        high=100_000_000,
+        bounds=(0, 100_000_000),
         live=True,
     )
-    max_range: float = parameter(30.0, "Longest viewing ray d_max.", unit="m", low=0.1, high=1000.0)
+    max_range: float = parameter(30.0, "Longest viewing ray d_max.", unit="m", bounds=(0.1, 1000.0))
     shape: Shape = parameter(Shape.MESH, "Shape of the other artefacts as occluders.", live=True)
     target: Shape = parameter(
         Shape.BOX,
@@ -290,174 +276,144 @@ class CertaintyParameters:
     """What a detector and a tracker make of the perceived artefacts (docs/certainty.md)."""
 
     enabled: bool = parameter(
-        False,
-        "What is perceived is what a detector and a tracker would give; false: exactly A_f.",
+        False, "What is perceived is what a detector and a tracker would give; false: exactly A_f."
     )
     detection: float = parameter(
         0.97,
         "Probability that a look detects an artefact that is near and wholly visible.",
-        low=0.0,
-        high=1.0,
+        bounds=(0.0, 1.0),
         live=True,
     )
     half_fraction: float = parameter(
         0.25,
         "Visible fraction at which the probability of detection is halved; 0: it plays no part.",
-        low=0.0,
-        high=1.0,
+        bounds=(0.0, 1.0),
         live=True,
     )
     half_range: float = parameter(
         15.0,
         "Range at which the probability of detection is halved; 0: it plays no part.",
         unit="m",
-        low=0.0,
-        high=1000.0,
+        bounds=(0.0, 1000.0),
         live=True,
     )
     class_accuracy: float = parameter(
         0.85,
         "Probability that a look at the class names the true one; otherwise any other.",
-        low=0.01,
-        high=1.0,
+        bounds=(0.01, 1.0),
         live=True,
     )
     class_time: float = parameter(
         1.0,
         "Time between two independent looks at the class of an artefact.",
         unit="s",
-        low=0.0,
-        high=1000.0,
+        bounds=(0.0, 1000.0),
         live=True,
     )
     behaviour_accuracy: float = parameter(
         0.0,
         "Probability that a look at the behaviour names the true one; otherwise any other. "
         "0: nothing is told of behaviours.",
-        low=0.0,
-        high=1.0,
+        bounds=(0.0, 1.0),
         live=True,
     )
     behaviour_time: float = parameter(
         1.0,
         "Time between two independent looks at the behaviour of an artefact.",
         unit="s",
-        low=0.0,
-        high=1000.0,
+        bounds=(0.0, 1000.0),
         live=True,
     )
     position_noise: float = parameter(
         0.04,
         "Standard deviation of a detected position at range 0.",
         unit="m",
-        low=0.0,
-        high=100.0,
+        bounds=(0.0, 100.0),
         live=True,
     )
     range_noise: float = parameter(
         0.02,
         "Growth of the deviation along the line of sight with the range.",
         unit="m/m",
-        low=0.0,
-        high=1.0,
+        bounds=(0.0, 1.0),
         live=True,
     )
     bearing_noise: float = parameter(
         0.005,
         "Standard deviation of the direction in which an artefact is detected.",
         unit="rad",
-        low=0.0,
-        high=1.0,
+        bounds=(0.0, 1.0),
         live=True,
     )
     yaw_noise: float = parameter(
-        0.15,
-        "Standard deviation of a detected heading.",
-        unit="rad",
-        low=0.0,
-        high=1.0,
-        live=True,
+        0.15, "Standard deviation of a detected heading.", unit="rad", bounds=(0.0, 1.0), live=True
     )
     speed_noise: float = parameter(
         0.6,
         "Standard deviation of each component of the velocity when a track begins.",
         unit="m/s",
-        low=0.0,
-        high=100.0,
+        bounds=(0.0, 100.0),
         live=True,
     )
     turn_noise: float = parameter(
         0.5,
         "Standard deviation of the yaw rate when a track begins.",
         unit="rad/s",
-        low=0.0,
-        high=100.0,
+        bounds=(0.0, 100.0),
         live=True,
     )
     acceleration: float = parameter(
         0.5,
         "How much an artefact may accelerate, as the tracker has it: the density of white noise.",
         unit="m/s^1.5",
-        low=0.0,
-        high=100.0,
+        bounds=(0.0, 100.0),
         live=True,
     )
     turn_acceleration: float = parameter(
-        0.5,
-        "The same for its yaw rate.",
-        unit="rad/s^1.5",
-        low=0.0,
-        high=100.0,
-        live=True,
+        0.5, "The same for its yaw rate.", unit="rad/s^1.5", bounds=(0.0, 100.0), live=True
     )
     coast: float = parameter(
         1.0,
         "How long a track goes on without a detection.",
         unit="s",
-        low=0.0,
-        high=1000.0,
+        bounds=(0.0, 1000.0),
         live=True,
     )
     min_existence: float = parameter(
         0.1,
         "A track is published from this probability of existence on.",
-        low=0.0,
-        high=1.0,
+        bounds=(0.0, 1.0),
         live=True,
     )
     false_alarm_rate: float = parameter(
         0.02,
         "Rate of new false alarms while the camera looks.",
         unit="1/s",
-        low=0.0,
-        high=100.0,
+        bounds=(0.0, 100.0),
         live=True,
     )
     false_alarm_life: float = parameter(
         0.5,
         "Mean time for which a false alarm goes on being detected.",
         unit="s",
-        low=0.001,
-        high=1000.0,
+        bounds=(0.001, 1000.0),
         live=True,
     )
     latency: float = parameter(
         0.1,
         "The list tells how things were this long ago, at least.",
         unit="s",
-        low=0.0,
-        high=10.0,
+        bounds=(0.0, 10.0),
         live=True,
     )
     prediction_horizon: float = parameter(
         2.0,
         "How far ahead ~/predicted tells paths; 0: there is no such topic.",
         unit="s",
-        low=0.0,
-        high=60.0,
+        bounds=(0.0, 60.0),
     )
     prediction_step: float = parameter(
-        0.5, "Time between two poses of a predicted path.", unit="s", low=0.01, high=60.0
+        0.5, "Time between two poses of a predicted path.", unit="s", bounds=(0.01, 60.0)
     )
     applies_to_sensors: bool = parameter(
         False,
@@ -477,15 +433,14 @@ class CostmapParameters:
         0.0,
         "How long an artefact stays in the grids after it was last perceived.",
         unit="s",
-        low=0.0,
-        high=1e6,
+        bounds=(0.0, 1e6),
         live=True,
     )
     inflation_radius: float = parameter(
-        0.70, "Radius of the inflation.", unit="m", low=0.0, high=100.0
+        0.70, "Radius of the inflation.", unit="m", bounds=(0.0, 100.0)
     )
     cost_scaling_factor: float = parameter(
-        3.0, "Decay of the inflated cost.", unit="1/m", low=0.0, high=1000.0
+        3.0, "Decay of the inflated cost.", unit="1/m", bounds=(0.0, 1000.0)
     )
 
 
@@ -497,8 +452,7 @@ class AugmentedMapParameters:
         5.0,
         "Moves reach the grids at most this often; arrivals and departures at once.",
         unit="Hz",
-        low=0.01,
-        high=100.0,
+        bounds=(0.01, 100.0),
         live=True,
     )
 
@@ -508,43 +462,38 @@ class BehaviourParameters:
     """The decision processes of the artefacts (section 3.2)."""
 
     cell_size: float = parameter(
-        0.5, "Edge of a cell of the grid that decisions are made on.", unit="m", low=0.1, high=10.0
+        0.5, "Edge of a cell of the grid that decisions are made on.", unit="m", bounds=(0.1, 10.0)
     )
     decision_period: float = parameter(
         1.0,
         "Time between two decisions of an artefact, from its arrival on.",
         unit="s",
-        low=0.1,
-        high=60.0,
+        bounds=(0.1, 60.0),
     )
     max_horizon: float = parameter(
         40.0,
         "Longest time that a decision looks ahead; at most what is left of the life.",
         unit="s",
-        low=1.0,
-        high=600.0,
+        bounds=(1.0, 600.0),
     )
     slip: float = parameter(
         0.02,
         "Probability that a move does not succeed: half of the time it fails, else it goes to "
         "either side. A row of the catalogue may give its own.",
-        low=0.0,
-        high=1.0,
+        bounds=(0.0, 1.0),
     )
     temperature: float = parameter(
         0.025,
         "Temperature T of the policy: 0 takes the best action; the higher, the more the shares of "
         "the catalogue decide. A second of a person's time is worth 0.2.",
-        low=0.0,
-        high=1e9,
+        bounds=(0.0, 1e9),
     )
     persistence: float = parameter(
         30.0,
         "Mean time from one draw of an artefact's behaviour by the catalogue's shares to the next, "
         "when nothing else speaks.",
         unit="s",
-        low=0.0,
-        high=1e9,
+        bounds=(0.0, 1e9),
     )
 
 
@@ -556,8 +505,7 @@ class MotionParameters:
         0.05,
         "Sub-step of motion and collisions, at multiples since the epoch.",
         unit="s",
-        low=0.001,
-        high=1.0,
+        bounds=(0.001, 1.0),
     )
 
 
@@ -569,8 +517,7 @@ class PosesParameters:
         2.0,
         "How far back the poses of artefacts are known, for late sensor data.",
         unit="s",
-        low=0.0,
-        high=60.0,
+        bounds=(0.0, 60.0),
     )
 
 
@@ -579,7 +526,7 @@ class CollisionsParameters:
     """The remedies for collisions (section 3.3)."""
 
     search_radius: float = parameter(
-        2.0, "How far a displaced artefact may be moved.", unit="m", low=0.0, high=100.0, live=True
+        2.0, "How far a displaced artefact may be moved.", unit="m", bounds=(0.0, 100.0), live=True
     )
     on_robot_contact: OnRobotContact = parameter(
         OnRobotContact.AUTO,
@@ -605,8 +552,7 @@ class SensorsParameters:
         "How long a scan waits at most for the transform at its stamp. 0.2 s are enough for poses "
         "at 10 Hz with a delay of 0.1 s.",
         unit="s",
-        low=0.0,
-        high=10.0,
+        bounds=(0.0, 10.0),
         live=True,
     )
     scans: tuple[str, ...] = parameter(("scan",), "Topics of the laser scans to augment.")
@@ -642,8 +588,7 @@ class SensorsParameters:
         "How far depth cameras see: a pixel without a return shows no artefact beyond it. "
         "0: as far as the encoding tells.",
         unit="m",
-        low=0.0,
-        high=1000.0,
+        bounds=(0.0, 1000.0),
         live=True,
     )
 
@@ -660,36 +605,33 @@ class RenderingParameters:
     brightness: float = parameter(
         1.0,
         "Multiplies the estimated light, or is the light itself.",
-        low=0.0,
-        high=10.0,
+        bounds=(0.0, 10.0),
         live=True,
     )
     lamp_azimuth: float = parameter(
         0.7,
         "Where the lamp stands, in the map's frame.",
         unit="rad",
-        low=-10.0,
-        high=10.0,
+        bounds=(-10.0, 10.0),
         live=True,
     )
     lamp_elevation: float = parameter(
-        1.0, "How high the lamp stands.", unit="rad", low=-1.58, high=1.58, live=True
+        1.0, "How high the lamp stands.", unit="rad", bounds=(-1.58, 1.58), live=True
     )
     shadow: float = parameter(
-        0.6, "Share of the light that is missing on the floor below.", low=0.0, high=1.0, live=True
+        0.6, "Share of the light that is missing on the floor below.", bounds=(0.0, 1.0), live=True
     )
     blur: float = parameter(
-        0.5, "Standard deviation of the lens's blur.", unit="px", low=0.0, high=20.0, live=True
+        0.5, "Standard deviation of the lens's blur.", unit="px", bounds=(0.0, 20.0), live=True
     )
     noise: float = parameter(
         1.5,
         "Standard deviation of the sensor's noise, in steps of 8 bits.",
-        low=0.0,
-        high=100.0,
+        bounds=(0.0, 100.0),
         live=True,
     )
     jpeg_quality: int = parameter(
-        95, "Quality of the JPEGs into which something was painted.", low=1, high=100, live=True
+        95, "Quality of the JPEGs into which something was painted.", bounds=(1, 100), live=True
     )
 
 
@@ -727,7 +669,7 @@ class ClicksParameters:
 class Parameters:
     """All parameters; paths are relative to this root."""
 
-    seed: int = parameter(0, "Seed of every random draw.", low=0, high=2**63 - 1)
+    seed: int = parameter(0, "Seed of every random draw.", bounds=(0, 2**63 - 1))
     catalogue: str = parameter("", "YAML file of artefact types; empty: the shipped catalogue.")
     builder: BuilderParameters = field(default_factory=BuilderParameters)
     population: PopulationParameters = field(default_factory=PopulationParameters)

@@ -45,8 +45,12 @@ def read_ros_parameters(path: Path) -> dict[str, Any]:
         raise ParameterError(f"parameter file {path} holds nothing for {_NODE}: {reason}")
     values: dict[str, Any] = {}
     for node, section in ours:
-        values.update(_flattened(_own_values(path, node, section)))
-    return {name: value for name, value in values.items() if not _belongs_to_ros(name)}
+        own = section.get(_SECTION) if isinstance(section, Mapping) else None
+        if not isinstance(own, Mapping):
+            raise ParameterError(f"parameter file {path}: '{node}' has no {_SECTION} mapping")
+        values.update(_flattened(own))
+    not_ours = {*_OF_ROS_ITSELF, *_OF_THE_NODE}
+    return {name: v for name, v in values.items() if name.split(".")[0] not in not_ours}
 
 
 def with_file(parameters: Parameters, path: Path) -> Parameters:
@@ -143,23 +147,12 @@ def _why_not_for_us(content: Mapping[Any, Any], nodes: Sequence[str]) -> str:
     return f"it is for {listed(nodes)}" if nodes else "no node is named in it"
 
 
-def _own_values(path: Path, node: str, section: Any) -> Mapping[str, Any]:
-    own = section.get(_SECTION) if isinstance(section, Mapping) else None
-    if not isinstance(own, Mapping):
-        raise ParameterError(f"parameter file {path}: '{node}' has no {_SECTION} mapping")
-    return own
-
-
 def _flattened(section: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     for name, value in section.items():
         if isinstance(value, Mapping):
             yield from _flattened(value, f"{prefix}{name}.")
         else:
             yield f"{prefix}{name}", value
-
-
-def _belongs_to_ros(name: str) -> bool:
-    return name.split(".", maxsplit=1)[0] in (*_OF_ROS_ITSELF, *_OF_THE_NODE)
 
 
 def _lines(parameters: Parameters) -> Iterator[str]:

@@ -12,7 +12,6 @@ from are_ros.parameters.model import (
     MixtureParameters,
     OcclusionParameters,
     Parameters,
-    PopulationParameters,
     WorldParameters,
 )
 
@@ -23,18 +22,15 @@ _MOUNT: Final = ("x", "y", "z", "yaw", "pitch", "roll")
 def validated(parameters: Parameters) -> Parameters:
     """Return the parameters with frames without leading slashes, as tf2 has them.
 
-    ParameterError, naming the parameters, unless world.free_threshold is below
-    world.occupied_threshold, mixture.weights and mixture.rates are of one length, not 0, the
-    weights sum to 1 within 1e-6, camera.mount has six numbers, camera.others are distinct,
-    camera.other_rates are at least one and not more than those, population.zones names a file
-    where population.region is zones, occlusion.target is not mesh where occlusion.shape is box,
-    and frames.map is not empty.
+    ParameterError, naming the parameters, where they contradict each other.
     """
     _check_thresholds(parameters.world)
     _check_mixture(parameters.mixture)
     _check_mount(parameters.camera)
     _check_cameras(parameters.camera)
-    _check_region(parameters.population)
+    population = parameters.population
+    if population.region is Region.ZONES and not population.zones:
+        raise ParameterError("population.region is zones, but population.zones names no file")
     _check_target(parameters.occlusion)
     return replace(
         parameters,
@@ -90,11 +86,6 @@ def _check_cameras(camera: CameraParameters) -> None:
             f"{len(rates)} rates, but there is at least one rate, and no more than topics"
         )
         raise ParameterError(message)
-
-
-def _check_region(population: PopulationParameters) -> None:
-    if population.region is Region.ZONES and not population.zones:
-        raise ParameterError("population.region is zones, but population.zones names no file")
 
 
 def _check_target(occlusion: OcclusionParameters) -> None:

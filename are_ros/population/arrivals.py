@@ -5,7 +5,6 @@ exponentials by the integrated rate, so the rate may change at any time.
 """
 
 import math
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Protocol
@@ -57,80 +56,53 @@ class ArrivalProcess:
     ) -> None:
         self._seed = seed
         self._purpose = purpose
-        self._rate_per_s = checked_rate(rate_per_s)
+        self.rate_per_s = checked_rate(rate_per_s)
+        self.index = 0
+        """Number k of the next event."""
         self._anchor_ns = now_ns
         self._consumed = 0.0
-        self._drawn = 0
         self._exponential = self._draw()
-        self._missed: deque[int] = deque()
-
-    @property
-    def rate_per_s(self) -> float:
-        """The rate in force."""
-        return self._rate_per_s
-
-    @property
-    def index(self) -> int:
-        """Number k of the next event."""
-        return self._drawn - len(self._missed)
 
     def next_ns(self) -> int | None:
         """Return the time of event `index`, None if it never comes at the present rate."""
-        if self._missed:
-            return self._missed[0]
-        return self._upcoming_ns()
+        hazard = max(self._exponential - self._consumed, 0.0)
+        return due_ns(self._anchor_ns, hazard, self.rate_per_s)
 
     def pop(self) -> int:
         """Take the next event and return its number k; `ParameterError` if it never comes."""
-        index = self.index
-        if self._missed:
-            self._missed.popleft()
-        else:
-            self._advance()
-        return index
+        instant_ns = self.next_ns()
+        if instant_ns is None:
+            raise ParameterError(f"no event comes at a rate of {self.rate_per_s} per second")
+        self._consume_until(instant_ns)
+        self._consumed = max(self._consumed - self._exponential, 0.0)
+        self.index += 1
+        self._exponential = self._draw()
+        return self.index - 1
 
     def set_rate(self, rate_per_s: float, now_ns: int) -> None:
         """Set the rate [1/s] from `now_ns` on; the same rate again changes nothing.
 
-        Events that are due by `now_ns` but not taken keep their times. A `now_ns` before the last
-        change or event counts as that instant.
+        All events before `now_ns` are taken. A `now_ns` before the last change or event counts as
+        that instant.
         """
         rate_per_s = checked_rate(rate_per_s)
-        if rate_per_s == self._rate_per_s:
-            return
-        while (instant_ns := self._upcoming_ns()) is not None and instant_ns <= now_ns:
-            self._missed.append(instant_ns)
-            self._advance()
-        self._consume_until(max(now_ns, self._anchor_ns))
-        self._rate_per_s = rate_per_s
+        if rate_per_s != self.rate_per_s:
+            self._consume_until(max(now_ns, self._anchor_ns))
+            self.rate_per_s = rate_per_s
 
     def restart(self, now_ns: int) -> None:
         """Go on at `now_ns`, earlier or later, with the rest of the present exponential.
 
-        Events that are due but not taken are dropped. Called when the clock jumps back.
+        Called when the clock jumps back.
         """
-        self._missed.clear()
         self._anchor_ns = now_ns
 
-    def _upcoming_ns(self) -> int | None:
-        hazard = max(self._exponential - self._consumed, 0.0)
-        return due_ns(self._anchor_ns, hazard, self._rate_per_s)
-
-    def _advance(self) -> None:
-        instant_ns = self._upcoming_ns()
-        if instant_ns is None:
-            raise ParameterError(f"no event comes at a rate of {self._rate_per_s} per second")
-        self._consume_until(instant_ns)
-        self._consumed = max(self._consumed - self._exponential, 0.0)
-        self._drawn += 1
-        self._exponential = self._draw()
-
     def _consume_until(self, instant_ns: int) -> None:
-        self._consumed += self._rate_per_s * ((instant_ns - self._anchor_ns) / NS_PER_S)
+        self._consumed += self.rate_per_s * ((instant_ns - self._anchor_ns) / NS_PER_S)
         self._anchor_ns = instant_ns
 
     def _draw(self) -> float:
-        stream = generator(self._seed, self._purpose, self._drawn)
+        stream = generator(self._seed, self._purpose, self.index)
         return float(stream.standard_exponential())
 
 
@@ -167,13 +139,7 @@ class RandomSource:
         self._seed = seed
         self._arrivals = ArrivalProcess(seed, rate_per_s=0.0, now_ns=0)
         self._next_id = FIRST_ID
-        self.set_rows(rows, law)
-        self.set_mean_group_size(mean_group_size)
-
-    @property
-    def mean_group_size(self) -> float:
-        """The mean g of a group's size."""
-        return self._mean_group_size
+        self.set_marks(rows, law, mean_group_size)
 
     def next_ns(self) -> int | None:
         """Return the instant of the next arrival [ns], None if none comes at the present rate."""
@@ -199,16 +165,17 @@ class RandomSource:
         """Set the rate of groups [1/s] from `now_ns` on."""
         self._arrivals.set_rate(rate_per_s, now_ns)
 
-    def set_rows(self, rows: Sequence[CatalogueRow], law: RowLaw) -> None:
-        """Draw later rows from another catalogue or by another law."""
+    def set_marks(self, rows: Sequence[CatalogueRow], law: RowLaw, mean_group_size: float) -> None:
+        """Draw later groups from another catalogue, by another law, of another mean size.
+
+        `ParameterError` unless the mean size is >= 1.
+        """
+        if not 1.0 <= mean_group_size < float("inf"):
+            message = f"population.group_size is {mean_group_size}, but a group has at least one"
+            raise ParameterError(message)
         self._rows = tuple(rows)
         self._law = law
-
-    def set_mean_group_size(self, mean: float) -> None:
-        """Draw later groups of another mean size; `ParameterError` unless it is >= 1."""
-        if not 1.0 <= mean < float("inf"):
-            raise ParameterError(f"population.group_size is {mean}, but a group has at least one")
-        self._mean_group_size = float(mean)
+        self._mean_group_size = float(mean_group_size)
 
     def restart(self, now_ns: int) -> None:
         """Wait for the next arrival from `now_ns` on, earlier or later; ids go on."""

@@ -75,9 +75,6 @@ class DepartureLaw(ABC):
         """Return when this artefact leaves [ns], None if that is not known in advance."""
         return None
 
-    def check(self, members_per_s: float, mean_life_s: float, max_alive: int | None) -> None:  # noqa: B027 - a law that is always stationary accepts everything
-        """Raise `ParameterError` where the number of artefacts would grow without bound."""
-
     @abstractmethod
     def restart(self, now_ns: int) -> None:
         """Forget all lives and go on at `now_ns`, earlier or later."""
@@ -166,12 +163,11 @@ class ConstantRateDepartures(DepartureLaw):
     empty. The second draw chooses the artefact, uniformly among those alive at that instant.
     """
 
-    def __init__(self, seed: int, mean_life_s: float, now_ns: int = 0) -> None:
+    def __init__(self, seed: int, mean_life_s: float) -> None:
         super().__init__(seed, mean_life_s)
-        self._process = ArrivalProcess(seed, Purpose.DEPARTURE, rate_per_s=0.0, now_ns=now_ns)
-        self._uniform_of = (-1, 0.0)
+        self._process = ArrivalProcess(seed, Purpose.DEPARTURE, rate_per_s=0.0, now_ns=0)
         self._alive: list[int] = []
-        self._not_empty_since_ns = now_ns
+        self._not_empty_since_ns = 0
 
     def arrived(self, artefact_id: int, now_ns: int) -> None:
         """Add the artefact to those that can depart."""
@@ -199,12 +195,10 @@ class ConstantRateDepartures(DepartureLaw):
         time_ns = self._process.next_ns() if self._alive else None
         if time_ns is None:
             return None
-        chosen = self._alive[int(self._uniform() * len(self._alive))]
+        stream = generator(self._seed, Purpose.DEPARTURE, self._process.index)
+        stream.standard_exponential()  # the process has it
+        chosen = self._alive[int(stream.random() * len(self._alive))]
         return Departure(max(time_ns, self._not_empty_since_ns), chosen)
-
-    def check(self, members_per_s: float, mean_life_s: float, max_alive: int | None) -> None:
-        """Refuse as many arrivals as departures where nothing bounds the number alive."""
-        check_stationary(members_per_s, mean_life_s, max_alive)
 
     def restart(self, now_ns: int) -> None:
         """Forget all lives; the present exponential goes on with the next arrival."""
@@ -216,22 +210,12 @@ class ConstantRateDepartures(DepartureLaw):
         """Begin again at departure 0 of another seed, with the same artefacts alive."""
         rate_per_s = self._rate_per_s if self._alive else 0.0
         self._seed = seed
-        self._uniform_of = (-1, 0.0)
         self._process = ArrivalProcess(
             seed, Purpose.DEPARTURE, rate_per_s=rate_per_s, now_ns=now_ns
         )
 
     def _advance(self) -> None:
         self._process.pop()
-
-    def _uniform(self) -> float:
-        """Return the second draw of the next departure."""
-        index = self._process.index
-        if self._uniform_of[0] != index:
-            stream = generator(self._seed, Purpose.DEPARTURE, index)
-            stream.standard_exponential()
-            self._uniform_of = (index, float(stream.random()))
-        return self._uniform_of[1]
 
 
 def leaving_rate_per_s(mean_life_s: float) -> float:
@@ -243,19 +227,3 @@ def leaving_rate_per_s(mean_life_s: float) -> float:
     if not rate_per_s < float("inf"):
         raise ParameterError(f"a mean life of {mean_life_s} s is not a duration above 0")
     return rate_per_s
-
-
-def check_stationary(members_per_s: float, mean_life_s: float, max_alive: int | None) -> None:
-    """Refuse a constant-rate chain that would grow without bound.
-
-    Raises `ParameterError` if artefacts arrive at `members_per_s` >= mu and nothing bounds them.
-    """
-    rate_per_s = leaving_rate_per_s(mean_life_s)
-    if max_alive is None and members_per_s >= rate_per_s:
-        msg = (
-            f"with population.departures at constant_rate, {members_per_s:.6g} artefacts per second"
-            f" arrive and at most {rate_per_s:.6g} leave (mean life {mean_life_s:.6g} s), so their"
-            " number would grow for ever: lower population.arrival_rate, shorten"
-            " population.mean_life or bound population.max_alive"
-        )
-        raise ParameterError(msg)

@@ -13,7 +13,6 @@ from are_ros.wording import counted
 
 Numbers = npt.NDArray[np.float64]
 
-_WEIGHT_SUM_TOLERANCE = 1e-6
 _LEAST_KEPT_MASS = 0.5
 
 
@@ -25,33 +24,26 @@ class TruncatedPoissonMixture:
     """
 
     def __init__(self, weights: Sequence[float], rates: Sequence[float], rows: int) -> None:
-        """Take pi and lambda of the same length, and the number of rows (at least 1).
+        """Take pi, at least 0, and lambda of the same length, and the number of rows.
 
-        ParameterError if the lengths differ or are 0, a weight is negative, the weights do not sum
-        to 1 within 1e-6 (they are then normalised exactly), a rate is not positive and finite, or
-        a component has less than half of its mass on the rows.
+        The weights are normalised to 1. ParameterError if a rate is not positive, or a component
+        has less than half of its mass on the rows.
         """
-        _check(weights, rates, rows)
-        self._weights: Numbers = np.array(weights, dtype=np.float64) / math.fsum(weights)
-        self._rates: Numbers = np.array(rates, dtype=np.float64)
+        for number, rate in enumerate(rates):
+            if not rate > 0.0:
+                raise ParameterError(f"mixture.rates[{number}] is {rate}, but a rate is positive")
+        self.weights: Numbers = np.array(weights, dtype=np.float64) / math.fsum(weights)
+        """The weights pi, float64 (n,), summing to 1."""
+        self.rates: Numbers = np.array(rates, dtype=np.float64)
+        """The rates lambda, float64 (n,)."""
         self._components: Numbers = np.exp([_log_masses(rate, rows) for rate in rates])
         kept = self._components.sum(axis=1)
         _check_kept(rates, kept, rows)
         self._components /= kept[:, np.newaxis]
-        self._probabilities: Numbers = self._weights @ self._components
+        self._probabilities: Numbers = self.weights @ self._components
         self._cumulative = np.cumsum(self._probabilities)
-        for array in (self._weights, self._rates, self._components, self._probabilities):
+        for array in (self.weights, self.rates, self._components, self._probabilities):
             array.flags.writeable = False
-
-    @property
-    def weights(self) -> Numbers:
-        """The weights pi, float64 (n,), summing to 1."""
-        return self._weights
-
-    @property
-    def rates(self) -> Numbers:
-        """The rates lambda, float64 (n,)."""
-        return self._rates
 
     def component_probabilities(self) -> Numbers:
         """Return the law of each component, float64 (n, rows), read-only."""
@@ -78,28 +70,6 @@ def _log_masses(rate: float, rows: int) -> Numbers:
     log_factorials = np.array([math.lgamma(k + 1.0) for k in range(rows)])
     log_masses: Numbers = np.arange(rows) * math.log(rate) - rate - log_factorials
     return log_masses
-
-
-def _check(weights: Sequence[float], rates: Sequence[float], rows: int) -> None:
-    """Raise ParameterError for weights and rates that are no mixture."""
-    if len(weights) != len(rates) or not weights:
-        msg = (
-            f"mixture.weights has {len(weights)} numbers and mixture.rates {len(rates)}, "
-            "but each component needs one of both"
-        )
-        raise ParameterError(msg)
-    if rows < 1:
-        raise ParameterError(f"a mixture over {rows} rows has nothing to choose from")
-    for number, (weight, rate) in enumerate(zip(weights, rates, strict=True)):
-        if not (math.isfinite(weight) and weight >= 0.0):
-            msg = f"mixture.weights[{number}] is {weight}, but a weight is at least 0 and finite"
-            raise ParameterError(msg)
-        if not (math.isfinite(rate) and rate > 0.0):
-            msg = f"mixture.rates[{number}] is {rate}, but a rate is positive and finite"
-            raise ParameterError(msg)
-    total = math.fsum(weights)
-    if abs(total - 1.0) > _WEIGHT_SUM_TOLERANCE:
-        raise ParameterError(f"mixture.weights sums to {total:g}, but the weights must sum to 1")
 
 
 def _check_kept(rates: Sequence[float], kept: Numbers, rows: int) -> None:

@@ -160,11 +160,10 @@ def precision(
     information = -basis.T @ hessian @ basis
     errors = np.full(2 * len(rates), np.nan)
     covariance = _inverse(information)
-    if covariance is None:
-        return Precision(errors[: len(rates)], errors[len(rates) :])
-    is_free = np.any(basis != 0.0, axis=1)
-    variances = np.einsum("ij,jk,ik->i", basis, covariance, basis)
-    errors[is_free] = np.sqrt(variances[is_free])
+    if covariance is not None:
+        is_free = np.any(basis != 0.0, axis=1)
+        variances = np.einsum("ij,jk,ik->i", basis, covariance, basis)
+        errors[is_free] = np.sqrt(variances[is_free])
     return Precision(errors[: len(rates)], errors[len(rates) :])
 
 
@@ -362,7 +361,6 @@ def fit_by_bic(
     """
     if most < 1:
         raise ParameterError(f"{most} components at most, but a mixture has at least one")
-    _check_counts(counts)
     return _fits(counts, min(most, most_components(counts)), seed, progress)
 
 

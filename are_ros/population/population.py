@@ -96,8 +96,8 @@ Admit = Callable[[ScriptedOffer], GroundPose | str]
 class Population:
     """The artefacts alive, and the events that change them, one at a time and in order.
 
-    Of two events at one instant, a departure comes before an arrival. The bound `max_alive` (None:
-    none) counts all artefacts alive. The law of departures does not apply to artefacts of rows that
+    Of two events at one instant, a departure comes before an arrival. The bound `max_alive`
+    counts all artefacts alive. The law of departures does not apply to artefacts of rows that
     live for ever, nor to those with a given end.
 
     If `stays_on` is true, the artefact outlives its end until it is removed: it is leaving, and
@@ -110,7 +110,7 @@ class Population:
         source: RandomSource,
         departures: DepartureLaw,
         *,
-        max_alive: int | None = 200,
+        max_alive: int = 200,
         history_ns: int = 2 * NS_PER_S,
         stays_on: Callable[[Artefact], bool] = lambda _: False,
         begun: Callable[[Artefact, ScriptedOffer | None], object] = lambda *_: None,
@@ -173,12 +173,10 @@ class Population:
         """Set lambda [1/(m^2 s)], nu(M2D) [m^2] and 1/mu [s] from `now_ns` on.
 
         Values that are already in force change nothing, bit for bit. Raises `ParameterError`, and
-        changes nothing, where one is out of its domain or the law of departures refuses them.
+        changes nothing, where one is out of its domain.
         """
         rate_per_s = checked_rate(arrival_rate * area_m2)
         leaving_rate_per_s(mean_life_s)
-        members_per_s = rate_per_s * self._source.mean_group_size
-        self._law.check(members_per_s, mean_life_s, self.max_alive)
         self._source.set_rate(rate_per_s, now_ns)
         self._law.set_mean_life(mean_life_s, now_ns)
         for artefact in self._living.values():
@@ -187,8 +185,7 @@ class Population:
 
     def set_marks(self, rows: Sequence[CatalogueRow], law: RowLaw, mean_group_size: float) -> None:
         """Set rows, law and mean group size of later arrivals."""
-        self._source.set_mean_group_size(mean_group_size)
-        self._source.set_rows(rows, law)
+        self._source.set_marks(rows, law, mean_group_size)
 
     def postpone(self, by_ns: int) -> None:
         """Postpone given ends of lives, and scripted arrivals still to come, after a pause."""
@@ -336,7 +333,10 @@ class Population:
         events: list[PopulationEvent] = []
         near: tuple[float, float] | None = None
         for artefact_id, row in offer.members:
-            pose = self._find_pose(artefact_id, row, near, place)
+            pose: GroundPose | Cause = Cause.MAX_ALIVE
+            if not self._is_full():
+                stream = generator(self._seed, Purpose.PLACE, artefact_id)
+                pose = place(artefact_id, row, stream, near) or Cause.NO_PLACE
             if isinstance(pose, Cause):
                 blocked = EventKind.BLOCKED
                 events.append(self._event(offer.time_ns, blocked, artefact_id, row, pose))
@@ -344,14 +344,6 @@ class Population:
             near = near or (pose.x_m, pose.y_m)
             events.append(self._begin(artefact_id, row, pose, offer.time_ns, Origin.RANDOM, None))
         return events
-
-    def _find_pose(
-        self, artefact_id: int, row: CatalogueRow, near: tuple[float, float] | None, place: Place
-    ) -> GroundPose | Cause:
-        if self._is_full():
-            return Cause.MAX_ALIVE
-        stream = generator(self._seed, Purpose.PLACE, artefact_id)
-        return place(artefact_id, row, stream, near) or Cause.NO_PLACE
 
     def _begin(
         self,
@@ -408,7 +400,7 @@ class Population:
         return event
 
     def _is_full(self) -> bool:
-        return self.max_alive is not None and len(self._living) >= self.max_alive
+        return len(self._living) >= self.max_alive
 
     def _forget_before(self, t_ns: int) -> None:
         """Drop artefacts departed up to then; they are in the order of departures."""

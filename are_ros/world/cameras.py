@@ -1,11 +1,11 @@
 """Cameras: view models (pinhole, fisheye), undistortion, CameraInfo, and where they sit."""
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from enum import Enum
 from functools import cached_property
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -177,32 +177,32 @@ def image_plane(
     return plane
 
 
-def unit_rays(rays: npt.NDArray[np.float64]) -> Rays:
-    """Return rays (H, W, 3) scaled to length 1, float32 and read-only; NaN becomes zero."""
-    unit = rays / np.linalg.norm(rays, axis=2, keepdims=True)
-    unit[~np.isfinite(unit).all(axis=2)] = 0.0
-    result: Rays = unit.astype(np.float32)
-    result.flags.writeable = False
-    return result
-
-
-class ViewModel(Protocol):
+class ViewModel(ABC):
     """What a camera is to the occlusion: a size in pixels and a ray for each."""
 
-    @property
-    def width(self) -> int:
-        """Columns."""
-
-    @property
-    def height(self) -> int:
-        """Rows."""
+    width: int
+    height: int
 
     def directions(self) -> Rays:
         """Return the unit rays, float32 (height, width, 3), read-only; zero where there is none."""
+        return self._directions
+
+    @cached_property
+    def _directions(self) -> Rays:
+        rays = self._rays()
+        unit = rays / np.linalg.norm(rays, axis=2, keepdims=True)
+        unit[~np.isfinite(unit).all(axis=2)] = 0.0
+        result: Rays = unit.astype(np.float32)
+        result.flags.writeable = False
+        return result
+
+    @abstractmethod
+    def _rays(self) -> npt.NDArray[np.float64]:
+        """Return the rays (height, width, 3) of any length, NaN where there is none."""
 
 
 @dataclass(frozen=True)
-class PinholeView:
+class PinholeView(ViewModel):
     """A camera with a flat image, possibly distorted: plumb_bob, rational_polynomial, thin prism.
 
     `distortion` is empty or has OpenCV's 14 coefficients. `rectified_from_camera` is empty, or the
@@ -234,10 +234,6 @@ class PinholeView:
             raise ParameterError(message)
         focal = 0.5 * width / math.tan(0.5 * hfov_rad)
         return cls(width, height, focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))
-
-    def directions(self) -> Rays:
-        """Return the unit rays; see `ViewModel`."""
-        return self._directions
 
     @cached_property
     def _radial_limit(self) -> float:
@@ -281,9 +277,8 @@ class PinholeView:
         turned: npt.NDArray[np.float64] = rays @ self._rotation()
         return turned
 
-    @cached_property
-    def _directions(self) -> Rays:
-        return unit_rays(self.rays_to_depth())
+    def _rays(self) -> npt.NDArray[np.float64]:
+        return self._rays_to_depth
 
     def _slopes(self) -> npt.NDArray[np.float64]:
         """Return x / z and y / z per pixel, (height, width, 2), NaN where there is no ray."""
@@ -296,7 +291,7 @@ class PinholeView:
 
 
 @dataclass(frozen=True)
-class FisheyeView:
+class FisheyeView(ViewModel):
     """A camera whose image radius grows with the angle off the axis (`equidistant`), up to pi.
 
     `distortion` holds k1 to k4. A pixel whose radius lies beyond the largest that the polynomial
@@ -310,10 +305,6 @@ class FisheyeView:
     cx: float
     cy: float
     distortion: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-
-    def directions(self) -> Rays:
-        """Return the unit rays; see `ViewModel`."""
-        return self._directions
 
     @property
     def is_straight(self) -> bool:
@@ -347,10 +338,6 @@ class FisheyeView:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(depths * _FAR > 1.0, rays / depths, np.nan)
 
-    @cached_property
-    def _directions(self) -> Rays:
-        return unit_rays(self._rays())
-
     def _rays(self) -> npt.NDArray[np.float64]:
         """Return the unit rays (height, width, 3), NaN where there is none."""
         plane = image_plane(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
@@ -364,59 +351,39 @@ class FisheyeView:
         return np.stack(rays, axis=2)
 
 
-class Projection(Enum):
-    """How the rows of an omnidirectional image go: equal angles, or equal heights on a cylinder."""
-
-    SPHERE = "sphere"
-    CYLINDER = "cylinder"
-
-
 @dataclass(frozen=True)
-class OmnidirectionalView:
+class OmnidirectionalView(ViewModel):
     """A camera that sees all around: columns are azimuths over 360 degrees, rows elevations.
 
     The middle of the image looks along z (forward), azimuth grows to the right; the seam is behind.
-    Elevation is positive upwards (against y) [rad] and falls from the top edge of the image to the
-    bottom edge, evenly in angle (SPHERE) or in tangent (CYLINDER). Raises ParameterError unless the
-    size is positive and -pi/2 <= lowest < highest <= pi/2 (without the ends for a cylinder).
+    Elevation is positive upwards (against y) [rad] and falls evenly from the top edge of the image
+    to the bottom edge. Raises ParameterError unless the size is positive and
+    -pi/2 <= lowest < highest <= pi/2.
     """
 
     width: int
     height: int
     lowest_rad: float
     highest_rad: float
-    projection: Projection = Projection.SPHERE
 
     def __post_init__(self) -> None:
-        end = 0.5 * math.pi - (1e-3 if self.projection is Projection.CYLINDER else 0.0)
+        end = 0.5 * math.pi
         ordered = -end <= self.lowest_rad < self.highest_rad <= end
         if self.width < 1 or self.height < 1 or not ordered:
             message = (
-                f"an omnidirectional camera ({self.projection.value}) needs a positive size and "
+                f"an omnidirectional camera needs a positive size and "
                 f"elevations within {end:.4g} rad, not {self.width} x {self.height} pixels "
                 f"from {self.lowest_rad} to {self.highest_rad}"
             )
             raise ParameterError(message)
 
-    def directions(self) -> Rays:
-        """Return the unit rays; see `ViewModel`."""
-        return self._directions
-
-    @cached_property
-    def _directions(self) -> Rays:
-        azimuth, elevation = self._angles()
-        level = np.cos(elevation)[:, np.newaxis]
-        down = np.broadcast_to(-np.sin(elevation)[:, np.newaxis], (self.height, self.width))
-        return unit_rays(np.stack((level * np.sin(azimuth), down, level * np.cos(azimuth)), axis=2))
-
-    def _angles(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-        """Return the azimuths of the columns and the elevations of the rows [rad]."""
+    def _rays(self) -> npt.NDArray[np.float64]:
         azimuth = ((np.arange(self.width) + 0.5) / self.width - 0.5) * 2.0 * math.pi
         fraction = (np.arange(self.height) + 0.5) / self.height
-        if self.projection is Projection.SPHERE:
-            return azimuth, self.highest_rad + fraction * (self.lowest_rad - self.highest_rad)
-        top, bottom = math.tan(self.highest_rad), math.tan(self.lowest_rad)
-        return azimuth, np.arctan(top + fraction * (bottom - top))
+        elevation = self.highest_rad + fraction * (self.lowest_rad - self.highest_rad)
+        level = np.cos(elevation)[:, np.newaxis]
+        down = np.broadcast_to(-np.sin(elevation)[:, np.newaxis], (self.height, self.width))
+        return np.stack((level * np.sin(azimuth), down, level * np.cos(azimuth)), axis=2)
 
 
 MAX_PIXELS: Final = 1 << 26

@@ -17,7 +17,7 @@ from are_ros.world import lattice_cover
 from are_ros.world.boxes import TOUCH_TOLERANCE_M, OrientedBoxes
 from are_ros.world.lattice_cover import covered, lattice_row
 from are_ros.world.occupancy_grid import CellClasses, OccupancyGrid
-from are_ros.world.rigid_transform import RigidTransform, cosine_and_sine
+from are_ros.world.rigid_transform import RigidTransform, in_level_frame
 from are_ros.world.voxel_map import VoxelMap
 
 
@@ -86,6 +86,8 @@ def filled_from_nearest(tops: npt.NDArray[np.int32], unknown: int) -> npt.NDArra
     return filled
 
 
+_STEP_M: Final = 0.05
+_SEARCH_M: Final = 0.5
 _WINDOW_M: Final = 0.4
 _MAX_SLOPE: Final = 0.3
 _UNKNOWN: Final = np.int32(-(2**31))
@@ -125,11 +127,11 @@ class VoxelGround:
     A surface of a column is the top of a run of occupied voxels: of a floor, a table, a wall, a
     ceiling. The floor is the set of surfaces that can be walked over from the main level:
 
-    1. The main level is the height at which most columns have a surface, within `search_m` of
+    1. The main level is the height at which most columns have a surface, within 0.5 m of
        `plane_height_m` (the lower one of equals). Nothing there: the plane is the floor.
     2. Columns with a surface within a step of the main level start; from column to
        4-neighbour, the surface nearest to the neighbour's floor is taken, if it is at most a
-       step (`step_m`, at least one voxel) up or down. So ramps are followed, and tables,
+       step (0.05 m, at least one voxel) up or down. So ramps are followed, and tables,
        walls, boxes and ceilings are not.
     3. A floor higher than a step plus a slope of 0.3 above the lowest within 0.4 m is none
        (a heap or a ragged wall that was climbed voxel by voxel).
@@ -150,21 +152,15 @@ class VoxelGround:
         self.is_seen.flags.writeable = False
 
     @classmethod
-    def from_voxels(
-        cls,
-        voxels: VoxelMap,
-        plane_height_m: float = 0.0,
-        step_m: float = 0.05,
-        search_m: float = 0.5,
-    ) -> "VoxelGround":
+    def from_voxels(cls, voxels: VoxelMap, plane_height_m: float = 0.0) -> "VoxelGround":
         """Return the floor of a voxel map by the rule above; an extruded map has only the plane."""
         size_x, size_y, size_z = voxels.voxel_size_m
         base_m = float(voxels.map_from_lattice.translation_m[2])
         heights_m = np.full(voxels.occupied.shape[:2], float(plane_height_m))
         seen = np.zeros(heights_m.shape, dtype=np.bool_)
-        level = None if voxels.is_extruded else _main_level(voxels, plane_height_m, search_m)
+        level = None if voxels.is_extruded else _main_level(voxels, plane_height_m)
         if level is not None:
-            step = max(1, int(step_m / size_z + 1e-6))
+            step = max(1, int(_STEP_M / size_z + 1e-6))
             tops = flood_floor(voxels.occupied, level, step, int(_UNKNOWN))
             seen = _gentle(tops, (size_x, size_y, size_z), step)
             tops[~seen] = _UNKNOWN
@@ -177,21 +173,20 @@ class VoxelGround:
 
     def heights(self, points_m: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
         """Return the floor's height (N,) at each of the finite points (N, 2) of the map frame."""
-        x, y = (np.asarray(points_m, dtype=np.float64) - self.map_from_lattice.translation_m[:2]).T
-        cosine, sine = cosine_and_sine(self.map_from_lattice.rotation_xyzw)
+        x, y = in_level_frame(self.map_from_lattice, points_m)
         nx, ny = self.heights_m.shape
-        i = np.clip(np.floor((x * cosine + y * sine) / self.column_size_m[0]), 0, nx - 1)
-        j = np.clip(np.floor((y * cosine - x * sine) / self.column_size_m[1]), 0, ny - 1)
+        i = np.clip(np.floor(x / self.column_size_m[0]), 0, nx - 1)
+        j = np.clip(np.floor(y / self.column_size_m[1]), 0, ny - 1)
         heights: npt.NDArray[np.float64] = self.heights_m[i.astype(np.int64), j.astype(np.int64)]
         return heights
 
 
-def _main_level(voxels: VoxelMap, plane_height_m: float, search_m: float) -> int | None:
+def _main_level(voxels: VoxelMap, plane_height_m: float) -> int | None:
     """Return the surface index k (its height is k voxels above the lattice) of the main level."""
     counts = surface_counts(voxels.occupied)
     base_m = float(voxels.map_from_lattice.translation_m[2])
     heights_m = base_m + np.arange(len(counts)) * voxels.voxel_size_m[2]
-    counts[np.abs(heights_m - plane_height_m) > search_m] = 0
+    counts[np.abs(heights_m - plane_height_m) > _SEARCH_M] = 0
     level = int(counts.argmax())
     return level if counts[level] > 0 else None
 

@@ -85,15 +85,15 @@ class Footprint:
         return cls(np.zeros((1, 2)), radius_m)
 
     @classmethod
-    def parse(cls, text: str, source: str = "robot.footprint") -> "Footprint":
+    def parse(cls, text: str) -> "Footprint":
         """Return the hull of the points in Nav2's string form, "[[x, y], [x, y], ...]", in metres.
 
-        Raises ParameterError, naming `source` and the reason, unless the text holds at least
+        Raises ParameterError unless the text holds at least
         three points, of two finite numbers each, that are not all on one line.
         """
-        footprint = cls(_parsed_points(text, source))
+        footprint = cls(_parsed_points(text))
         if len(footprint.vertices_m) < 3:
-            raise ParameterError(f"{source}: the points of {text!r} enclose no area")
+            raise ParameterError(f"robot.footprint: the points of {text!r} enclose no area")
         return footprint
 
     def at(self, x_m: float, y_m: float, yaw_rad: float) -> "Footprint":
@@ -140,18 +140,20 @@ def penetration_m(footprint: Footprint, boxes: OrientedBoxes) -> NDArray[np.floa
     return np.maximum(-signed_distance_m(footprint, boxes), 0.0)
 
 
-def _parsed_points(text: str, source: str) -> NDArray[np.float64]:
+def _parsed_points(text: str) -> NDArray[np.float64]:
     """Return the points of Nav2's string form, or raise a ParameterError with the reason."""
     try:
         value = ast.literal_eval(text.strip())
     except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError) as cause:
-        message = f'{source}: {text!r} is not of the form "[[x, y], [x, y], [x, y]]"'
+        message = f'robot.footprint: {text!r} is not of the form "[[x, y], [x, y], [x, y]]"'
         raise ParameterError(message) from cause
     if not isinstance(value, (list, tuple)) or len(value) < 3:
-        raise ParameterError(f"{source}: {text!r} is not a list of three points or more")
+        raise ParameterError(f"robot.footprint: {text!r} is not a list of three points or more")
     for point in value:
         if not _is_point(point):
-            raise ParameterError(f"{source}: {point!r} is not a point [x, y] of finite metres")
+            raise ParameterError(
+                f"robot.footprint: {point!r} is not a point [x, y] of finite metres"
+            )
     return np.array(value, dtype=np.float64)
 
 

@@ -4,6 +4,7 @@ import math
 import re
 import zlib
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -48,11 +49,14 @@ def read_map_image(path: Path) -> MapImage:
         message = f"{path}: the image cannot be read ({error.strerror})"
         raise MapError(message) from error
     if data.startswith(_PNG_SIGNATURE):
-        return _png(path, data)
+        _check_png(path, data)
+        return _raster(path, data, "png")
     if data[:2] in {b"P2", b"P5"}:
         return _pgm(path, data)
     if data.startswith(_BMP_SIGNATURE):
-        return _bmp(path, data)
+        if len(data) < int.from_bytes(data[2:6], "little"):
+            raise MapError(f"{path}: the bmp is truncated")
+        return _raster(path, data, "bmp")
     raise MapError(f"{path}: the image is neither pgm (P2, P5) nor png nor bmp")
 
 
@@ -85,33 +89,23 @@ def _plain_samples(path: Path, body: bytes, count: int) -> npt.NDArray[np.intege
     return np.array([int(word) for word in words], dtype=np.int64)
 
 
-def _png(path: Path, data: bytes) -> MapImage:
-    _check_png(path, data)
-    image = _decoded(path, data, "png")
+def _raster(path: Path, data: bytes, kind: str) -> MapImage:
+    """Return the image of a png or a bmp; the fourth byte of a bmp's pixel is mostly no alpha."""
+    image = _decoded(path, data, kind)
     channels = image.reshape(*image.shape[:2], -1)
-    colours = channels[:, :, :3]
-    sums, white = colours.sum(axis=2, dtype=np.int64), int(np.iinfo(image.dtype).max)
-    opacity = channels[:, :, 3].astype(np.int64) if channels.shape[2] == 4 else None
+    colours, white = channels[:, :, :3], int(np.iinfo(image.dtype).max)
+    sums = colours.sum(axis=2, dtype=np.int64)
+    has_alpha = kind == "png" and channels.shape[2] == 4
+    opacity = channels[:, :, 3].astype(np.int64) if has_alpha else None
     return MapImage(sums, white * colours.shape[2], opacity, white)
-
-
-def _bmp(path: Path, data: bytes) -> MapImage:
-    """Return the colours; the fourth byte of a pixel is mostly unused, and no alpha."""
-    if len(data) < int.from_bytes(data[2:6], "little"):
-        raise MapError(f"{path}: the bmp is truncated")
-    image = _decoded(path, data, "bmp")
-    colours = image.reshape(*image.shape[:2], -1)[:, :, :3]
-    return MapImage(colours.sum(axis=2, dtype=np.int64), 255 * colours.shape[2])
 
 
 def _decoded(path: Path, data: bytes, kind: str) -> npt.NDArray[np.integer]:
     import cv2
 
-    try:
+    image = None
+    with suppress(cv2.error):
         image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error as error:
-        message = f"{path}: the {kind} cannot be decoded"
-        raise MapError(message) from error
     if image is None:
         raise MapError(f"{path}: the {kind} cannot be decoded")
     return cast("npt.NDArray[np.integer]", image)
@@ -212,14 +206,11 @@ def _read_metadata(path: Path) -> _Metadata:
     origin = fields.get("origin")
     if not isinstance(origin, list) or len(origin) != 3:
         raise MapError(f"{path}: origin must be three numbers [x, y, yaw], it is {origin!r}")
+    x_m, y_m, yaw_rad = (_number(path, "origin", value) for value in origin)
     metadata = _Metadata(
         image=_image_path(path, fields),
         resolution_m=_number(path, "resolution", fields.get("resolution")),
-        origin=(
-            _number(path, "origin", origin[0]),
-            _number(path, "origin", origin[1]),
-            _number(path, "origin", origin[2]),
-        ),
+        origin=(x_m, y_m, yaw_rad),
         negate=_negate(path, fields.get("negate")),
         occupied_thresh=_number(path, "occupied_thresh", fields.get("occupied_thresh")),
         free_thresh=_number(path, "free_thresh", fields.get("free_thresh")),

@@ -16,6 +16,7 @@ from are_ros.world.rigid_transform import (
     MAX_TILT_RAD,
     RigidTransform,
     cosine_and_sine,
+    in_level_frame,
     tilt_rad,
     yaw_only,
 )
@@ -116,11 +117,8 @@ class OccupancyGrid:
         A cell holds its low edges, not its high ones. Cells may lie outside the grid; a point
         that is not finite, or farther than 2**31 cells, comes out far outside.
         """
-        offset = np.asarray(points, dtype=np.float64)[:, :2] - self.origin.translation_m[:2]
-        cosine, sine = cosine_and_sine(self.origin.rotation_xyzw)
         with np.errstate(invalid="ignore", over="ignore"):
-            along_x = offset[:, 0] * cosine + offset[:, 1] * sine
-            along_y = offset[:, 1] * cosine - offset[:, 0] * sine
+            along_x, along_y = in_level_frame(self.origin, points)
             cells = np.floor(np.column_stack((along_y, along_x)) / self.resolution_m)
         bounded: npt.NDArray[np.float64]
         bounded = np.clip(np.nan_to_num(cells, nan=_OUTSIDE), _OUTSIDE, -_OUTSIDE)

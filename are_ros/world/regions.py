@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,7 @@ import numpy.typing as npt
 from are_ros.errors import ParameterError
 from are_ros.parameters.choices import Region
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.rigid_transform import cosine_and_sine
+from are_ros.world.rigid_transform import in_level_frame
 from are_ros.yaml_text import Fields, read_yaml
 
 _LISTS_OF_ZONES: Final = ("zones", "entrances", "exits")
@@ -97,10 +97,7 @@ def polygon_mask(polygon_m: npt.NDArray[np.float64], grid: OccupancyGrid) -> npt
 
 def _in_cells(polygon_m: npt.NDArray[np.float64], grid: OccupancyGrid) -> npt.NDArray[np.float64]:
     """Return the corners as (x, y) in cells, so that cell (row, col) is centred at (col, row)."""
-    cosine, sine = cosine_and_sine(grid.origin.rotation_xyzw)
-    offset = polygon_m - grid.origin.translation_m[:2]
-    x = offset[:, 0] * cosine + offset[:, 1] * sine
-    y = offset[:, 1] * cosine - offset[:, 0] * sine
+    x, y = in_level_frame(grid.origin, polygon_m)
     return np.column_stack((x, y)) / grid.resolution_m - 0.5
 
 
@@ -174,31 +171,23 @@ class SpawnRegion:
             self.weight.flags.writeable = False
 
 
-class RegionFinder(Protocol):
+class RegionFinder:
     """Gives the spawn region of one map; the same object again as long as it is the same.
 
-    `last_point_m` is the last point of the robot that decided on a region, None if none did.
+    Here the region does not depend on the robot. `last_point_m` is the last point of the robot that
+    decided on a region, None if none did.
     """
-
-    last_point_m: tuple[float, float] | None
-
-    def at(self, robot_point_m: tuple[float, float] | None) -> SpawnRegion:
-        """Return the region while the robot is at (x, y) in the map frame (None: unknown)."""
-
-
-class FixedRegion:
-    """A region that does not depend on the robot."""
 
     def __init__(self, region: SpawnRegion) -> None:
         self.last_point_m: tuple[float, float] | None = None
         self._region = region
 
-    def at(self, robot_point_m: tuple[float, float] | None) -> SpawnRegion:  # noqa: ARG002 - as the others
-        """Return the region."""
+    def at(self, robot_point_m: tuple[float, float] | None) -> SpawnRegion:  # noqa: ARG002 - the robot does not matter
+        """Return the region while the robot is at (x, y) in the map frame (None: unknown)."""
         return self._region
 
 
-class ReachableRegion:
+class ReachableRegion(RegionFinder):
     """The free cells that the robot, a disc of its inscribed radius, can cover by driving.
 
     Free space eroded by the radius falls into 4-connected components, labelled once per map. The
@@ -225,6 +214,7 @@ class ReachableRegion:
         """
         import cv2
 
+        super().__init__(_region_of(np.zeros(free.shape, np.bool_), grid))
         eroded = free & (clearance_m >= robot_radius_m - _ROUNDING * grid.resolution_m)
         self._grid = grid
         self._free = free
@@ -236,8 +226,6 @@ class ReachableRegion:
         )[1]
         # A robot between two components goes to and fro: the regions last used stay as they are.
         self._region_of_label = lru_cache(maxsize=_KEPT_REGIONS)(self._region_made_for)
-        self._region = _region_of(np.zeros(free.shape, np.bool_), grid)
-        self.last_point_m: tuple[float, float] | None = None
         self.at(last_point_m)
 
     def at(self, robot_point_m: tuple[float, float] | None) -> SpawnRegion:
@@ -298,8 +286,8 @@ def region_finder(
             last_point_m=last_point_m,
         )
     if kind is Region.FREE:
-        return FixedRegion(_region_of(allowed, grid))
-    return FixedRegion(_zones_region(zones, allowed, grid))
+        return RegionFinder(_region_of(allowed, grid))
+    return RegionFinder(_zones_region(zones, allowed, grid))
 
 
 def _zones_region(zones: Zones, allowed: _Mask, grid: OccupancyGrid) -> SpawnRegion:

@@ -36,8 +36,8 @@ def cosine_and_sine(rotation_xyzw: npt.NDArray[np.float64]) -> tuple[float, floa
 Vector = npt.NDArray[np.float64]
 Values = Sequence[float] | npt.NDArray[np.floating]
 Quaternion = tuple[float, float, float, float]
-
-_new = object.__new__
+Pose = tuple[float, float, float, float, float, float, float]
+"""The numbers of a transform: a translation x y z [m], and a unit quaternion x y z w."""
 
 UNIT_TOLERANCE = 1e-2
 """How far a quaternion's squared norm may be from 1.
@@ -86,19 +86,6 @@ class RigidTransform:
         return cls(np.array((x, y, z)), np.array(normalised(i, j, k, w)))
 
     @classmethod
-    def adopt(cls, values: Vector) -> "RigidTransform":
-        """Return the transform whose numbers are a float64 array (7,): x y z, then x y z w.
-
-        The array is not copied and becomes read-only; it is quicker than the constructor.
-        """
-        # By position: the keyword takes three times as long, and numpy's stubs know only that.
-        values.setflags(False)  # type: ignore[call-arg,unused-ignore]
-        transform = _new(cls)
-        fields = transform.__dict__
-        fields["translation_m"], fields["rotation_xyzw"] = values[:3], values[3:]
-        return transform
-
-    @classmethod
     def from_xyz_ypr(
         cls, x: float, y: float, z: float, yaw: float, pitch: float, roll: float
     ) -> "RigidTransform":
@@ -125,19 +112,16 @@ class RigidTransform:
 
     def __matmul__(self, other: "RigidTransform") -> "RigidTransform":
         """Compose: `a_from_b @ b_from_c` is `a_from_c`; the quaternion is normalised again."""
-        mine: Quaternion = tuple(self.rotation_xyzw.tolist())
-        x, y, z = self.translation_m.tolist()
-        dx, dy, dz = _rotated(mine, *other.translation_m.tolist())
-        rotation = _product(mine, tuple(other.rotation_xyzw.tolist()))
-        return RigidTransform(np.array((x + dx, y + dy, z + dz)), np.array(normalised(*rotation)))
+        x, y, z, *rotation = composed(self._pose(), other._pose())
+        return RigidTransform(np.array((x, y, z)), np.array(normalised(*rotation)))
 
     def inverse(self) -> "RigidTransform":
         """Return `child_from_parent`."""
-        i, j, k, w = self.rotation_xyzw.tolist()
-        x, y, z = self.translation_m.tolist()
-        turned_back = (-i, -j, -k, w)
-        translation = _rotated(turned_back, -x, -y, -z)
-        return RigidTransform(np.array(translation), np.array(turned_back))
+        pose = np.array(inverted(self._pose()))
+        return RigidTransform(pose[:3], pose[3:])
+
+    def _pose(self) -> Pose:
+        return (*self.translation_m.tolist(), *self.rotation_xyzw.tolist())
 
     def rotation_matrix(self) -> Vector:
         """Return the rotation as float64 (3, 3); its columns are the child's axes in the parent."""
@@ -168,6 +152,17 @@ class RigidTransform:
         return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
+def in_level_frame(
+    map_from_frame: RigidTransform, points_m: npt.ArrayLike
+) -> tuple[Vector, Vector]:
+    """Return x and y (N,), in a frame that is turned about z only, of points (N, 2 or 3)."""
+    offset_m = np.asarray(points_m, dtype=np.float64)[:, :2] - map_from_frame.translation_m[:2]
+    cosine, sine = cosine_and_sine(map_from_frame.rotation_xyzw)
+    x_m = offset_m[:, 0] * cosine + offset_m[:, 1] * sine
+    y_m = offset_m[:, 1] * cosine - offset_m[:, 0] * sine
+    return x_m, y_m
+
+
 def why_invalid(x: float, y: float, z: float, i: float, j: float, k: float, w: float) -> str | None:
     """Return why a translation (x, y, z) [m] and a quaternion (i, j, k, w) are refused, or None."""
     norm2 = i * i + j * j + k * k + w * w
@@ -190,16 +185,26 @@ def normalised(i: float, j: float, k: float, w: float) -> Quaternion:
     return i * scale, j * scale, k * scale, w * scale
 
 
-def _product(a: Quaternion, b: Quaternion) -> Quaternion:
-    """Return Hamilton's product a b: first turned by b, then by a."""
-    ax, ay, az, aw = a
-    bx, by, bz, bw = b
+def composed(a: Pose, b: Pose) -> Pose:
+    """Return a after b; the quaternion is Hamilton's product."""
+    ax, ay, az, ai, aj, ak, aw = a
+    bx, by, bz, bi, bj, bk, bw = b
+    x, y, z = _rotated((ai, aj, ak, aw), bx, by, bz)
     return (
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-        aw * bw - ax * bx - ay * by - az * bz,
+        ax + x,
+        ay + y,
+        az + z,
+        aw * bi + ai * bw + aj * bk - ak * bj,
+        aw * bj - ai * bk + aj * bw + ak * bi,
+        aw * bk + ai * bj - aj * bi + ak * bw,
+        aw * bw - ai * bi - aj * bj - ak * bk,
     )
+
+
+def inverted(a: Pose) -> Pose:
+    """Return the inverse."""
+    x, y, z, i, j, k, w = a
+    return (*_rotated((-i, -j, -k, w), -x, -y, -z), -i, -j, -k, w)
 
 
 def _rotated(q: Quaternion, x: float, y: float, z: float) -> tuple[float, float, float]:

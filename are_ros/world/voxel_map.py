@@ -18,13 +18,12 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros._compiled import compiled
 from are_ros.errors import InputError
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import (
     MAX_TILT_RAD,
     RigidTransform,
-    cosine_and_sine,
+    in_level_frame,
     tilt_rad,
     yaw_only,
 )
@@ -183,29 +182,6 @@ def times_wider(lattice: VoxelLattice, size_m: float) -> float:
     return float(round(times)) if abs(times - round(times)) <= _SAME * times else times
 
 
-def leaf_bounds(
-    points_m: npt.NDArray[np.floating], lattice: VoxelLattice, times: float = 1.0
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Return low and exclusive high index (3,) of all that the centres (N, 3) stand for.
-
-    In voxels so many `times` (1 or more) as wide as those of the lattice, from its same corner.
-    """
-    low, high = _leaves(points_m, lattice, 1.0 / times)
-    return low.min(axis=0), high.max(axis=0)
-
-
-def fill_voxels(
-    points_m: npt.NDArray[np.floating],
-    lattice: VoxelLattice,
-    low: npt.NDArray[np.int64],
-    occupied: npt.NDArray[np.uint8],
-    times: float = 1.0,
-) -> None:
-    """Set to 1, in an array whose voxel (0, 0, 0) has index `low`, what the centres stand for."""
-    first, end = _leaves(points_m, lattice, 1.0 / times)
-    _fill(first - low, end - low, occupied)
-
-
 def _given(points_m: npt.NDArray[np.floating], size_m: float) -> VoxelLattice:
     return _fitted(points_m, float(size_m)) or VoxelLattice(float(size_m), np.zeros(3))
 
@@ -292,24 +268,13 @@ def _fitted(points_m: npt.NDArray[np.floating], size_m: float) -> VoxelLattice |
     return VoxelLattice(size_m, corner, bool(counts[7 - fine] > 0), is_octree)
 
 
-@compiled
 def _phase(
-    points: npt.NDArray[np.floating], period: float
+    points_m: npt.NDArray[np.floating], period: float
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """Return the circular mean (3,) of the coordinates in [0, period), and its length (0..1)."""
-    phase = np.empty(3)
-    concentration = np.empty(3)
-    for axis in range(3):
-        real, imaginary = 0.0, 0.0
-        for i in range(points.shape[0]):
-            turns = points[i, axis] / period
-            angle = 2.0 * np.pi * (turns - np.floor(turns))
-            real += np.cos(angle)
-            imaginary += np.sin(angle)
-        concentration[axis] = np.hypot(real, imaginary) / points.shape[0]
-        fraction = np.arctan2(imaginary, real) / (2.0 * np.pi)
-        phase[axis] = period * (fraction - np.floor(fraction))
-    return phase, concentration
+    turns = 2.0j * np.pi / period * points_m.astype(np.float64)
+    mean = np.exp(turns).mean(axis=0)
+    return period * np.mod(np.angle(mean) / (2.0 * np.pi), 1.0), np.abs(mean)
 
 
 def _whole(numbers: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
@@ -426,11 +391,15 @@ class VoxelMap:
         times = 1.0 if wanted_m is None else times_wider(lattice, wanted_m)
         size = times * lattice.size_m
         _check_reach(source, points, lattice.size_m)
-        low, high = leaf_bounds(points, lattice, times)
-        _check_count(source, high - low, points, lattice, times)
-        occupied = np.zeros(high - low, dtype=np.uint8)
-        fill_voxels(points, lattice, low, occupied, times)
-        map_from_lattice = _without_tilt(map_from_cloud) @ _shift(lattice.phase_m + low * size)
+        low, high = _leaves(points, lattice, 1.0 / times)
+        first = low.min(axis=0)
+        extent = high.max(axis=0) - first
+        _check_count(source, extent, points, lattice, times)
+        occupied = np.zeros(extent, dtype=np.uint8)
+        _fill(low - first, high - first, occupied)
+        corner_m = lattice.phase_m + first * size
+        shift = RigidTransform(corner_m, np.array([0.0, 0.0, 0.0, 1.0]))
+        map_from_lattice = _without_tilt(map_from_cloud) @ shift
         cloud_voxel_m = None if times == 1.0 else lattice.size_m
         return cls(map_from_lattice, (size, size, size), occupied, False, cloud_voxel_m)
 
@@ -492,11 +461,10 @@ class VoxelMap:
 
         A voxel holds its low faces, not its high ones; it may lie outside the array.
         """
-        offset = np.asarray(points_m, dtype=np.float64) - self.map_from_lattice.translation_m
-        cosine, sine = cosine_and_sine(self.map_from_lattice.rotation_xyzw)
-        along_x = offset[:, 0] * cosine + offset[:, 1] * sine
-        along_y = offset[:, 1] * cosine - offset[:, 0] * sine
-        local = np.column_stack((along_x, along_y, offset[:, 2]))
+        points = np.asarray(points_m, dtype=np.float64)
+        along_x, along_y = in_level_frame(self.map_from_lattice, points)
+        up = points[:, 2] - self.map_from_lattice.translation_m[2]
+        local = np.column_stack((along_x, along_y, up))
         voxels: npt.NDArray[np.int64]
         voxels = np.floor(local / np.array(self.voxel_size_m)).astype(np.int64)
         return voxels
@@ -549,10 +517,6 @@ def _check_count(
             f": {strays} of {len(points_m)} lie far from the others, one at ({x:g}, {y:g}, {z:g})"
         )
     raise InputError(said)
-
-
-def _shift(translation_m: npt.NDArray[np.float64]) -> RigidTransform:
-    return RigidTransform(translation_m, np.array([0.0, 0.0, 0.0, 1.0]))
 
 
 def _without_tilt(transform: RigidTransform) -> RigidTransform:

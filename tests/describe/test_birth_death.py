@@ -10,7 +10,6 @@ from scipy import stats
 from scipy.integrate import trapezoid
 from scipy.linalg import expm
 
-from are_ros.describe import birth_death
 from are_ros.describe.birth_death import BirthDeath, group_tail
 from are_ros.parameters.choices import Departures
 from are_ros.parameters.model import Parameters
@@ -143,11 +142,3 @@ def test_nobody_comes() -> None:
 def test_members_that_count(mean: float, share: float) -> None:
     """The tail sums to the mean number of members that count."""
     assert group_tail(mean, share).sum() == pytest.approx(mean * share, abs=1e-9)
-
-
-def test_many_levels_take_another_way_to_the_same_lives(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where the matrix would be too large its exponential is applied without being computed."""
-    chain = BirthDeath(0.6, 2.0, 1.0, CONSTANT, 20)
-    expected = chain.survival(30.0, 31)
-    monkeypatch.setattr(birth_death, "_DENSE", 0)
-    assert chain.survival(30.0, 31) == pytest.approx(expected, abs=1e-9)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from are_ros.describe.birth_death import stationary_law
+from are_ros.describe.birth_death import BirthDeath
 from are_ros.parameters.choices import Departures
 
 INDEPENDENT, CONSTANT = Departures.INDEPENDENT, Departures.CONSTANT_RATE
@@ -44,14 +44,14 @@ def test_balance_of_the_chain(
     groups_per_s: float, mean_size: float, life_s: float, kind: Departures, bound: int
 ) -> None:
     """The law is the one in which the chain's generator changes nothing, groups or not."""
-    law = stationary_law(groups_per_s, mean_size, life_s, kind, bound)
+    law = BirthDeath(groups_per_s, mean_size, life_s, kind, bound).law
     oracle = _by_generator_matrix(groups_per_s, mean_size, life_s, kind, bound)
     assert law == pytest.approx(oracle, abs=1e-9)
 
 
 def test_poisson_when_independent() -> None:
     """Independent lives of single arrivals: the truncated Poisson law of rate*life."""
-    law = stationary_law(0.5, 1.0, 8.0, INDEPENDENT, 12)
+    law = BirthDeath(0.5, 1.0, 8.0, INDEPENDENT, 12).law
     poisson = stats.poisson.pmf(np.arange(13), 4.0)
     assert law == pytest.approx(poisson / poisson.sum())
 
@@ -60,21 +60,21 @@ def test_geometric_at_constant_rate() -> None:
     """Departures at a constant rate: the truncated geometric law, also beyond its balance."""
     for load in (0.5, 1.0, 3.0):
         powers = load ** np.arange(21.0)
-        law = stationary_law(load, 1.0, 1.0, CONSTANT, 20)
+        law = BirthDeath(load, 1.0, 1.0, CONSTANT, 20).law
         assert law == pytest.approx(powers / powers.sum())
 
 
 def test_groups_keep_the_mean() -> None:
     """With groups and no bound in reach the mean alive is groups times size times life."""
-    law = stationary_law(0.1, 3.0, 20.0, INDEPENDENT, 200)
+    law = BirthDeath(0.1, 3.0, 20.0, INDEPENDENT, 200).law
     assert law @ np.arange(201) == pytest.approx(6.0)
 
 
 @pytest.mark.parametrize("kind", Departures)
 def test_extreme_loads(kind: Departures) -> None:
     """Loads far beyond the bound, or none at all, neither overflow nor fail."""
-    crowded = stationary_law(1e5, 100.0, 1e7, kind, 3000)
+    crowded = BirthDeath(1e5, 100.0, 1e7, kind, 3000).law
     assert math.isclose(crowded.sum(), 1.0)
     assert crowded[-1] > 0.9
-    assert stationary_law(0.0, 1.0, 60.0, kind, 5).tolist() == [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-    assert stationary_law(1.0, 1.0, 60.0, kind, 0).tolist() == [1.0]
+    assert BirthDeath(0.0, 1.0, 60.0, kind, 5).law.tolist() == [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    assert BirthDeath(1.0, 1.0, 60.0, kind, 0).law.tolist() == [1.0]

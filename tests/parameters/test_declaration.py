@@ -30,7 +30,7 @@ class Colour(Enum):
 class Inner:
     """A section."""
 
-    length: float = parameter(1.5, "A length.", unit="m", low=0.0, high=2.0, live=True)
+    length: float = parameter(1.5, "A length.", unit="m", bounds=(0.0, 2.0), live=True)
     colour: Colour = parameter(Colour.RED, "A colour.")  # noqa: RUF009 - it returns a field
 
 
@@ -38,10 +38,10 @@ class Inner:
 class Outer:
     """A root with every type of parameter."""
 
-    count: int = parameter(3, "A count.", low=1, high=9)
+    count: int = parameter(3, "A count.", bounds=(1, 9))
     switch: bool = parameter(False, "A switch.")
     name: str = parameter("x", "A name.")
-    weights: tuple[float, ...] = parameter((0.5, 0.5), "Weights.", low=0.0, high=1.0)
+    weights: tuple[float, ...] = parameter((0.5, 0.5), "Weights.", bounds=(0.0, 1.0))
     topics: tuple[str, ...] = parameter((), "Topics.")
     inner: Inner = field(default_factory=Inner)
 

@@ -112,19 +112,6 @@ def test_an_instant_beyond_the_clock_never_comes() -> None:
     assert due_ns(0, 1.0, 1.0) == NS_PER_S
 
 
-def test_missed_events_keep_their_times() -> None:
-    """A rate set late, after two events were due, moves neither of them."""
-    process = ArrivalProcess(4, rate_per_s=1.0, now_ns=0)
-    expected = _take(ArrivalProcess(4, rate_per_s=1.0, now_ns=0), 3)
-    process.set_rate(0.0, expected[1])
-    assert process.index == 0
-    assert _take(process, 2) == expected[:2]
-    assert process.next_ns() is None
-    process.set_rate(1.0, expected[1])
-    assert process.next_ns() == pytest.approx(expected[2], abs=2)
-    assert process.pop() == 2
-
-
 def test_restart_goes_on_at_another_instant() -> None:
     """After a jump back the wait that was left is waited from there."""
     process = ArrivalProcess(4, rate_per_s=1.0, now_ns=EPOCH_NS)

@@ -16,7 +16,6 @@ from are_ros.population.departures import (
     Departure,
     DepartureLaw,
     IndependentLives,
-    check_stationary,
     leaving_rate_per_s,
 )
 from are_ros.population.randomness import Purpose, generator
@@ -214,11 +213,3 @@ def test_no_other_mean_life_is_accepted(mean_life_s: float) -> None:
     """A mean life must be above 0, by enough for a finite rate."""
     with pytest.raises(ParameterError, match="mean life"):
         leaving_rate_per_s(mean_life_s)
-
-
-def test_a_chain_that_grows_for_ever_is_refused_with_the_figures() -> None:
-    """As many arrivals as departures, unbounded, is refused; a bound or one less is not."""
-    with pytest.raises(ParameterError, match=r"0\.1 artefacts per second.*at most 0\.1 leave"):
-        check_stationary(0.1, 10.0, None)
-    check_stationary(0.1, 10.0, 200)
-    check_stationary(0.099, 10.0, None)

@@ -49,7 +49,7 @@ def _population(
     kind: Departures,
     *,
     group: float = 1.0,
-    max_alive: int | None = None,
+    max_alive: int = 10**9,
     stays_on: Callable[[Artefact], bool] = _nobody,
 ) -> Population:
     source = RandomSource(seed, ROWS, MIXTURE, group)

@@ -201,7 +201,7 @@ def test_the_floor_is_that_under_each_box() -> None:
     occupied[10:, :, :2] = 1
     voxels = VoxelMap(RigidTransform.planar(0.0, 0.0, 0.0), (0.1, 0.1, 0.1), occupied)
     grid = _grid(np.zeros((10, 20), dtype=np.int8), 0.1, RigidTransform.planar(0.0, 0.0, 0.0))
-    ground = VoxelGround.from_voxels(voxels, plane_height_m=0.1, step_m=0.1)
+    ground = VoxelGround.from_voxels(voxels, plane_height_m=0.1)
     environment = Environment(grid, classify(grid, 65, 25), voxels, ground, 0.02)
     centres_m = np.array([[0.5, 0.5, 0.4], [1.5, 0.5, 0.5], [0.9, 0.5, 0.4]])
     boxes = OrientedBoxes(centres_m, np.zeros(3), np.full((3, 3), 0.3))

@@ -118,18 +118,9 @@ def _of_file(source: MeshFile, colour: tuple[float, float, float, float]) -> Dra
         [source.metres_per_unit * (body.vertices - centre)[body.faces] @ turn.T for body in bodies]
     )
     colours = np.concatenate([_corner_colours(body, colour) for body in bodies])
-    own = [_normals(body) for body in bodies]
-    normals = None
-    if any(one is not None for one in own):
-        normals = np.concatenate(
-            [
-                np.zeros((len(b.faces), 3, 3)) if n is None else n
-                for b, n in zip(bodies, own, strict=True)
-            ]
-        )
-        normals = normals @ turn.T
+    normals = np.concatenate([_normals(body) for body in bodies]) @ turn.T
     uvs, texture = _atlas(bodies)
-    return DrawnMesh(corners, colours, normals, uvs, texture, False)
+    return DrawnMesh(corners, colours, normals if normals.any() else None, uvs, texture, False)
 
 
 def _cut_out(body: "trimesh.Trimesh") -> "trimesh.Trimesh":
@@ -169,10 +160,10 @@ def _longest_px(corners_px: Floats) -> float:
     return float(np.linalg.norm(sides, axis=2).max())
 
 
-def _normals(body: "trimesh.Trimesh") -> Floats | None:
-    """Return the normals (F, 3, 3) that the file has for a body's corners, None if it has none."""
+def _normals(body: "trimesh.Trimesh") -> Floats:
+    """Return the normals (F, 3, 3) that the file has for a body's corners, 0 if it has none."""
     if "vertex_normals" not in body._cache.cache:  # noqa: SLF001 - else trimesh computes them
-        return None
+        return np.zeros((len(body.faces), 3, 3))
     found: Floats = np.asarray(body.vertex_normals, dtype=np.float64)[body.faces]
     return found
 
@@ -189,58 +180,43 @@ def _corner_colours(body: "trimesh.Trimesh", colour: tuple[float, ...]) -> Float
 
 
 def _atlas(bodies: list[Any]) -> tuple[Floats, Pixels]:
-    """Return places (F, 3, 2) and the texture: those of the bodies, one above the other."""
-    pictures = [_picture(body) for body in bodies]
-    parts = [
-        (_uvs(body) if picture is not None else _without(body), picture)
-        for body, picture in zip(bodies, pictures, strict=True)
-    ]
-    tiles: list[Pixels] = []
-    places: list[Floats] = []
-    for uvs, picture in parts:
-        if picture is None:
-            places.append(uvs)
-            continue
-        # A face that begins beyond the picture begins in its repetition; what it reaches over
-        # is laid out as often as needed.
-        shifted = uvs - np.floor(uvs.min(axis=1, keepdims=True) + 1e-9)
-        times = np.maximum(np.ceil(shifted.max(axis=(0, 1)) - 1e-6), 1.0).astype(int)
-        times = np.minimum(times, 8)
-        step = max(
-            -(-picture.shape[1] * times[0] // _LARGEST),
-            -(-picture.shape[0] * times[1] // _LARGEST),
-            1,
-        )
-        tiles.append(np.tile(picture[::step, ::step], (times[1], times[0], 1)))
-        places.append(shifted / times)
-    if not tiles:
-        return np.concatenate(places), np.zeros((1, 1, 3), dtype=np.uint8)
-    width, height = max(t.shape[1] for t in tiles), sum(t.shape[0] for t in tiles)
+    """Return places (F, 3, 2) and the texture: the tiles of the bodies, one above the other."""
+    tiles = [_tile(body) for body in bodies]
+    sizes = [tile[0].shape for tile in tiles if tile is not None]
+    width, height = max((s[1] for s in sizes), default=1), max(1, sum(s[0] for s in sizes))
     texture = np.zeros((height, width, 3), dtype=np.uint8)
-    top, number = 0, 0
-    for k, (_, picture) in enumerate(parts):
-        if picture is None:
+    places: list[Floats] = []
+    top = 0
+    for body, tile in zip(bodies, tiles, strict=True):
+        if tile is None:
+            places.append(np.full((len(body.faces), 3, 2), np.nan))
             continue
-        tile = tiles[number]
-        number += 1
-        texture[top : top + tile.shape[0], : tile.shape[1]] = tile
-        size = np.array((tile.shape[1] / width, tile.shape[0] / height))
-        low = np.array((0.0, 1.0 - (top + tile.shape[0]) / height))
+        picture, uvs = tile
+        end = top + picture.shape[0]
+        texture[top:end, : picture.shape[1]] = picture
+        size = np.array((picture.shape[1] / width, picture.shape[0] / height))
+        low = np.array((0.0, 1.0 - end / height))
         # Half a pixel inside, so that a neighbour of the atlas does not shine through.
-        inside = 0.5 / np.array(tile.shape[1::-1])
-        places[k] = low + np.clip(places[k], inside, 1.0 - inside) * size
-        top += tile.shape[0]
+        inside = 0.5 / np.array(picture.shape[1::-1])
+        places.append(low + np.clip(uvs, inside, 1.0 - inside) * size)
+        top = end
     return np.concatenate(places), texture
 
 
-def _uvs(body: "trimesh.Trimesh") -> Floats:
-    """Return the places (F, 3, 2) in a body's picture."""
-    found: Floats = np.asarray(body.visual.uv, dtype=np.float64)[body.faces][:, :, :2]
-    return found
-
-
-def _without(body: "trimesh.Trimesh") -> Floats:
-    return np.full((len(body.faces), 3, 2), np.nan)
+def _tile(body: "trimesh.Trimesh") -> tuple[Pixels, Floats] | None:
+    """Return the picture of a body, repeated as its faces need, and the places (F, 3, 2) in it."""
+    picture = _picture(body)
+    if picture is None:
+        return None
+    # A face that begins beyond the picture begins in its repetition; what it reaches over
+    # is laid out as often as needed.
+    uvs = np.asarray(body.visual.uv, dtype=np.float64)[body.faces][:, :, :2]
+    uvs = uvs - np.floor(uvs.min(axis=1, keepdims=True) + 1e-9)
+    times = np.maximum(np.ceil(uvs.max(axis=(0, 1)) - 1e-6), 1.0).astype(int)
+    times = np.minimum(times, 8)
+    longest = (np.array(picture.shape[1::-1]) * times).max()
+    step = max(1, -(-longest // _LARGEST))
+    return np.tile(picture[::step, ::step], (times[1], times[0], 1)), uvs / times
 
 
 def _picture(body: "trimesh.Trimesh") -> Pixels | None:

@@ -80,6 +80,11 @@ def lying(solid: Solid, at: Point) -> Solid:
     return Solid(solid.vertices_m @ turn + at, solid.faces, solid.colours)
 
 
+def half_turned(solid: Solid) -> Solid:
+    """Return a solid turned by half a turn about the vertical."""
+    return Solid(solid.vertices_m * (-1.0, -1.0, 1.0), solid.faces, solid.colours)
+
+
 def tilted(solid: Solid, about: tuple[float, float], angle_rad: float) -> Solid:
     """Return a solid turned about the y axis through (x, z); a positive angle leans backwards."""
     cosine, sine = math.cos(angle_rad), math.sin(angle_rad)

@@ -66,13 +66,9 @@ def mesh_of(row: CatalogueRow) -> "trimesh.Trimesh":
         return read_mesh_file(row.surface, row.colour)
     import trimesh
 
-    solid = build_shape(row.surface, row.size_m, row.colour)
-    return trimesh.Trimesh(
-        solid.vertices_m - solid.centre_of_mass_m(),
-        solid.faces,
-        face_colors=np.rint(255.0 * solid.colours).astype(np.uint8),
-        process=False,
-    )
+    vertices_m, faces, colours = surface_of(row)
+    pixels = np.rint(255.0 * colours).astype(np.uint8)
+    return trimesh.Trimesh(vertices_m, faces, face_colors=pixels, process=False)
 
 
 def _triple(values: npt.NDArray[np.float64]) -> Triple:

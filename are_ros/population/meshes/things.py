@@ -15,6 +15,7 @@ from are_ros.population.meshes.detail import (
     WHITE,
     YELLOW,
     BodySpec,
+    half_turned,
     rod,
     shade_of,
     shaded,
@@ -366,16 +367,9 @@ def crate(spec: BodySpec) -> Solid:
         tone = spec.paint(0.13)
         board = soft_box((-0.985 * x, 0.9 * y, low), (0.985 * x, 0.975 * y, high_z), 0.004, tone)
         end = soft_box(
-            (0.9 * x, -0.93 * y, low),
-            (0.98 * x, 0.93 * y, high_z),
-            0.004,
-            spec.paint(0.13),
+            (0.9 * x, -0.93 * y, low), (0.98 * x, 0.93 * y, high_z), 0.004, spec.paint(0.13)
         )
-        parts += [
-            *mirrored(board),
-            end,
-            Solid(end.vertices_m * (-1.0, -1.0, 1.0), end.faces, end.colours),
-        ]
+        parts += [*mirrored(board), end, half_turned(end)]
     for a in (-1.0, 1.0):
         lo, hi = sorted((a * 0.86 * x, a * x))
         parts += mirrored(soft_box((lo, 0.88 * y, 0.0), (hi, y, height), 0.008, spec.paint(0.1)))

@@ -21,6 +21,7 @@ from are_ros.population.meshes.detail import (
     TAIL_LIGHT,
     WHITE,
     BodySpec,
+    half_turned,
     hull,
     rod,
     shade_of,
@@ -83,15 +84,12 @@ class _Cabin(NamedTuple):
     @property
     def posts(self) -> tuple[tuple[float, float], ...]:
         """Begin and end of the posts between the side windows."""
-        return (
-            (self.pillar - 0.008, self.pillar + 0.008),
-            (self.roof_rear, self.roof_rear + 0.02),
-        )
+        return ((self.pillar - 0.008, self.pillar + 0.008), (self.roof_rear, self.roof_rear + 0.02))
 
 
 def car(spec: BodySpec) -> Solid:
     """Return a car, with a boot if the feature `kind` is saloon, limousine or sports car."""
-    length, width, height = spec.size_m
+    length, width, z = spec.size_m
     paint = spec.paint(0.18)
     kind = spec.features.get("kind", "")
     has_boot = kind in _NOTCHED
@@ -99,7 +97,7 @@ def car(spec: BodySpec) -> Solid:
         cabin = _Cabin(-0.345, -0.17, 0.06, 0.235)
     else:
         cabin = _Cabin(-0.478, -0.43 if kind == "estate" else -0.375, 0.1, 0.27)
-    radius = min(0.225 * height, 0.085 * length)
+    radius = min(0.225 * z, 0.085 * length)
     axles = (0.315 * length, -0.29 * length)
     seams = [cabin.cowl - 0.02, cabin.pillar]
     if length > _FOUR_DOORS_M:
@@ -120,20 +118,18 @@ def car(spec: BodySpec) -> Solid:
         is_seam = any(abs(x - seam * length) < 0.0055 for seam in seams)
         return _flank_tone(stripe, paint, is_seam=is_seam)
 
-    across = 0.5 * width
-    chassis = box(
-        (axles[1], -0.6 * across, 0.12 * height), (axles[0], 0.6 * across, 0.42 * height), DARK
-    )
+    y = 0.5 * width
+    chassis = box((axles[1], -0.6 * y, 0.12 * z), (axles[0], 0.6 * y, 0.42 * z), DARK)
     parts = [
         hull(xs, sections, tone_at, shaded(paint, 0.9)),
         chassis,
-        *wheels(axles, 0.93 * across, radius, 0.24 * across),
+        *wheels(axles, 0.93 * y, radius, 0.24 * y),
         *_face(spec.size_m, spec.generator),
-        *mirrored(_mirror((cabin.cowl - 0.03) * length, across, 0.64 * height, paint)),
+        *mirrored(_mirror((cabin.cowl - 0.03) * length, y, 0.64 * z, paint)),
     ]
     for seam in seams[1:]:
         x = (seam + 0.015) * length
-        low, high = (x, 0.92 * across, 0.535 * height), (x + 0.16, 0.948 * across, 0.555 * height)
+        low, high = (x, 0.92 * y, 0.535 * z), (x + 0.16, 0.948 * y, 0.555 * z)
         parts += mirrored(box(low, high, shaded(paint, 0.75)))
     return joined(parts)
 
@@ -203,42 +199,23 @@ def _mirror(x: float, y: float, z: float, paint: Colour) -> Solid:
 
 def _face(size_m: Point, random: np.random.Generator) -> list[Solid]:
     """Return what front and rear of a car have: grille, intake, bumper, plates."""
-    length, width, height = size_m
-    front, across = 0.5 * length, 0.5 * width
+    length, width, z = size_m
+    front, y = 0.5 * length, 0.5 * width
     parts = [
+        soft_box((front - 0.1, -0.42 * y, 0.325 * z), (front, 0.42 * y, 0.395 * z), 0.02, DARK),
         soft_box(
-            (front - 0.1, -0.42 * across, 0.325 * height),
-            (front, 0.42 * across, 0.395 * height),
-            0.02,
-            DARK,
+            (front - 0.1, -0.6 * y, 0.165 * z), (front - 0.006, 0.6 * y, 0.235 * z), 0.02, DARK
         ),
         soft_box(
-            (front - 0.1, -0.6 * across, 0.165 * height),
-            (front - 0.006, 0.6 * across, 0.235 * height),
-            0.02,
-            DARK,
+            (-front + 0.002, -0.62 * y, 0.17 * z), (-front + 0.1, 0.62 * y, 0.25 * z), 0.02, RUBBER
         ),
-        soft_box(
-            (-front + 0.002, -0.62 * across, 0.17 * height),
-            (-front + 0.1, 0.62 * across, 0.25 * height),
-            0.02,
-            RUBBER,
-        ),
-        *plate(front - 0.016, 0.25 * height, random),
-        *(turned_back(part) for part in plate(front - 0.016, 0.42 * height, random)),
+        *plate(front - 0.016, 0.25 * z, random),
+        *(half_turned(part) for part in plate(front - 0.016, 0.42 * z, random)),
     ]
     lamps = soft_box(
-        (front - 0.14, 0.6 * across, 0.18 * height),
-        (front - 0.012, 0.7 * across, 0.225 * height),
-        0.02,
-        WHITE,
+        (front - 0.14, 0.6 * y, 0.18 * z), (front - 0.012, 0.7 * y, 0.225 * z), 0.02, WHITE
     )
     return [*parts, *mirrored(lamps)]
-
-
-def turned_back(part: Solid) -> Solid:
-    """Return a part turned by half a turn about the vertical."""
-    return Solid(part.vertices_m * (-1.0, -1.0, 1.0), part.faces, part.colours)
 
 
 def plate(front: float, z: float, random: np.random.Generator) -> list[Solid]:
@@ -257,7 +234,7 @@ def plate(front: float, z: float, random: np.random.Generator) -> list[Solid]:
 
 def van(spec: BodySpec) -> Solid:
     """Return a van with a short bonnet; the `kind` minibus has windows all along."""
-    length, width, height = spec.size_m
+    length, width, z = spec.size_m
     paint = spec.paint(0.12)
     half, is_bus = 0.94, "bus" in spec.features.get("kind", "")
     cowl, roof_front = 0.37, 0.2
@@ -279,7 +256,7 @@ def van(spec: BodySpec) -> Solid:
         (0.494, _bonnet(0.86 * half, 0.41)),
         (0.5, _bonnet(0.78 * half, 0.36)),
     ]
-    radius = min(0.18 * height, 0.068 * length)
+    radius = min(0.18 * z, 0.068 * length)
     axles = (0.31 * length, -0.3 * length)
     door, slide = 0.13, -0.12
     panes = [(-0.45, -0.3), (-0.28, -0.13), (-0.11, 0.03)] if is_bus else []
@@ -306,25 +283,19 @@ def van(spec: BodySpec) -> Solid:
         return _flank_tone(stripe, paint, is_seam=is_seam)
 
     skin = hull(xs, sections, tone_at, shaded(paint, 0.92))
-    across, rear = 0.5 * width, -0.5 * length
+    y, rear = 0.5 * width, -0.5 * length
     parts = [
         skin,
-        box((axles[1], -0.6 * across, 0.1 * height), (axles[0], 0.6 * across, 0.34 * height), DARK),
-        *wheels(axles, 0.93 * across, radius, 0.24 * across),
+        box((axles[1], -0.6 * y, 0.1 * z), (axles[0], 0.6 * y, 0.34 * z), DARK),
+        *wheels(axles, 0.93 * y, radius, 0.24 * y),
         *_face(spec.size_m, spec.generator),
-        *mirrored(_mirror((cowl - 0.05) * length, across, 0.54 * height, BLACK)),
-        box((rear - 0.004, -0.006, 0.2 * height), (rear + 0.05, 0.006, 0.93 * height), DARK),
-        *mirrored(
-            box(
-                (rear - 0.004, 0.1 * across, 0.56 * height),
-                (rear + 0.05, 0.72 * across, 0.8 * height),
-                GLASS,
-            )
-        ),
+        *mirrored(_mirror((cowl - 0.05) * length, y, 0.54 * z, BLACK)),
+        box((rear - 0.004, -0.006, 0.2 * z), (rear + 0.05, 0.006, 0.93 * z), DARK),
+        *mirrored(box((rear - 0.004, 0.1 * y, 0.56 * z), (rear + 0.05, 0.72 * y, 0.8 * z), GLASS)),
         *mirrored(
             soft_box(
-                (-0.45 * length, 0.93 * across, 0.3 * height),
-                (0.18 * length, 0.955 * across, 0.33 * height),
+                (-0.45 * length, 0.93 * y, 0.3 * z),
+                (0.18 * length, 0.955 * y, 0.33 * z),
                 0.01,
                 RUBBER,
             )
@@ -335,8 +306,8 @@ def van(spec: BodySpec) -> Solid:
 
 def lorry(spec: BodySpec) -> Solid:
     """Return a lorry: cab, load box with a stripe in the colour of the cab, frame, wheels."""
-    length, width, height = spec.size_m
-    across, paint = 0.5 * width, spec.paint(0.18)
+    length, width, z = spec.size_m
+    y, paint = 0.5 * width, spec.paint(0.18)
     cab_rear, front = 0.235 * length, 0.5 * length
     half, belt = 0.915, 0.48
 
@@ -352,7 +323,7 @@ def lorry(spec: BodySpec) -> Solid:
         (0.494, _section(0.95 * half, belt - 0.03, (0.9 * half, 0.458), (0.82 * half, 0.465))),
         (0.5, _section(0.9 * half, belt - 0.06, (0.84 * half, 0.43), (0.74 * half, 0.437))),
     ]
-    radius = min(0.157 * height, 0.075 * length)
+    radius = min(0.157 * z, 0.075 * length)
     steer, drive = 0.375 * length, -0.3 * length
     door = (0.26, 0.42)
     cuts = [at * length + side for at in door for side in (-0.008, 0.008)]
@@ -367,87 +338,51 @@ def lorry(spec: BodySpec) -> Solid:
         is_seam = any(abs(x - edge * length) < 0.0075 for edge in door)
         return _flank_tone(stripe, paint, is_seam=is_seam)
 
-    box_low, box_front = 0.315 * height, cab_rear - 0.1
+    box_low, box_front = 0.315 * z, cab_rear - 0.1
     load = shade_of((0.87, 0.87, 0.85), spec.generator, 0.06)
     rear = -front
     parts = [
         hull(xs, sections, tone_at, shaded(paint, 0.9)),
-        box(
-            (cab_rear, -0.6 * across, 0.16 * height),
-            (steer + radius, 0.6 * across, 0.4 * height),
-            DARK,
-        ),
-        soft_box((rear, -across, box_low), (box_front, across, height), 0.05, load),
-        box(
-            (rear + 0.1, -0.42 * across, 0.2 * height),
-            (cab_rear + 0.4, 0.42 * across, box_low),
-            DARK,
-        ),
-        *wheels((steer,), 0.95 * across, radius, 0.24 * across),
-        *wheels((drive,), 0.97 * across, radius, 0.42 * across),
-        box(
-            (drive - 0.06, -0.7 * across, radius - 0.06),
-            (drive + 0.06, 0.7 * across, radius + 0.06),
-            DARK,
-        ),
-        *mirrored(_mirror(0.45 * length, across, 0.52 * height, BLACK)),
+        box((cab_rear, -0.6 * y, 0.16 * z), (steer + radius, 0.6 * y, 0.4 * z), DARK),
+        soft_box((rear, -y, box_low), (box_front, y, z), 0.05, load),
+        box((rear + 0.1, -0.42 * y, 0.2 * z), (cab_rear + 0.4, 0.42 * y, box_low), DARK),
+        *wheels((steer,), 0.95 * y, radius, 0.24 * y),
+        *wheels((drive,), 0.97 * y, radius, 0.42 * y),
+        box((drive - 0.06, -0.7 * y, radius - 0.06), (drive + 0.06, 0.7 * y, radius + 0.06), DARK),
+        *mirrored(_mirror(0.45 * length, y, 0.52 * z, BLACK)),
         *mirrored(
             soft_box(
-                (front - 0.1, 0.58 * across, 0.2 * height),
-                (front - 0.004, 0.86 * across, 0.245 * height),
+                (front - 0.1, 0.58 * y, 0.2 * z),
+                (front - 0.004, 0.86 * y, 0.245 * z),
                 0.03,
                 HEADLIGHT,
             )
         ),
         *mirrored(
-            box(
-                (rear + 0.05, 0.45 * across, 0.24 * height),
-                (rear + 0.12, 0.85 * across, 0.28 * height),
-                TAIL_LIGHT,
-            )
+            box((rear + 0.05, 0.45 * y, 0.24 * z), (rear + 0.12, 0.85 * y, 0.28 * z), TAIL_LIGHT)
         ),
-        box(
-            (rear + 0.06, -0.86 * across, 0.18 * height),
-            (rear + 0.14, 0.86 * across, 0.21 * height),
-            STEEL,
-        ),
-        box((rear - 0.004, -0.01, box_low + 0.05), (rear + 0.02, 0.01, height - 0.05), DARK),
-        *plate(front - 0.014, 0.19 * height, spec.generator),
-        *(turned_back(part) for part in plate(front - 0.12, 0.235 * height, spec.generator)),
+        box((rear + 0.06, -0.86 * y, 0.18 * z), (rear + 0.14, 0.86 * y, 0.21 * z), STEEL),
+        box((rear - 0.004, -0.01, box_low + 0.05), (rear + 0.02, 0.01, z - 0.05), DARK),
+        *plate(front - 0.014, 0.19 * z, spec.generator),
+        *(half_turned(part) for part in plate(front - 0.12, 0.235 * z, spec.generator)),
     ]
     parts += [
-        soft_box(
-            (front - 0.1, -0.5 * across, low * height),
-            (front, 0.5 * across, (low + 0.025) * height),
-            0.015,
-            DARK,
-        )
+        soft_box((front - 0.1, -0.5 * y, low * z), (front, 0.5 * y, (low + 0.025) * z), 0.015, DARK)
         for low in (0.27, 0.315, 0.36)
     ]
-    stripe = box(
-        (rear + 0.15, across - 0.05, 0.5 * height),
-        (box_front - 0.15, across + 0.004, 0.58 * height),
-        paint,
-    )
-    guard = box(
-        (-0.18 * length, 0.9 * across, 0.19 * height),
-        (0.18 * length, 0.93 * across, 0.24 * height),
-        STEEL,
-    )
+    stripe = box((rear + 0.15, y - 0.05, 0.5 * z), (box_front - 0.15, y + 0.004, 0.58 * z), paint)
+    guard = box((-0.18 * length, 0.9 * y, 0.19 * z), (0.18 * length, 0.93 * y, 0.24 * z), STEEL)
     tank = soft_box(
-        (0.05 * length, 0.5 * across, 0.15 * height),
-        (0.2 * length, 0.88 * across, 0.29 * height),
-        0.05,
-        STEEL,
+        (0.05 * length, 0.5 * y, 0.15 * z), (0.2 * length, 0.88 * y, 0.29 * z), 0.05, STEEL
     )
     return joined([*parts, *mirrored(stripe), *mirrored(guard), *mirrored(tank)])
 
 
 def buggy(spec: BodySpec) -> Solid:
     """Return an open electric buggy: nose, bench, posts, roof, and bags or a box behind."""
-    length, width, height = spec.size_m
-    paint, across, front = spec.paint(0.12), 0.5 * width, 0.5 * length
-    radius = min(0.135 * height, 0.115 * length)
+    length, width, z = spec.size_m
+    paint, y, front = spec.paint(0.12), 0.5 * width, 0.5 * length
+    radius = min(0.135 * z, 0.115 * length)
     axles = (0.345 * length, -0.33 * length)
     half = 0.92
 
@@ -483,72 +418,61 @@ def buggy(spec: BodySpec) -> Solid:
             return RUBBER
         return paint
 
-    seat_x, seat_z = -0.16 * length, 0.385 * height
+    seat_x, seat_z = -0.16 * length, 0.385 * z
     cushion = soft_box(
-        (seat_x - 0.12 * length, -0.78 * across, seat_z),
-        (seat_x + 0.1 * length, 0.78 * across, seat_z + 0.06 * height),
+        (seat_x - 0.12 * length, -0.78 * y, seat_z),
+        (seat_x + 0.1 * length, 0.78 * y, seat_z + 0.06 * z),
         0.04,
         SEAT,
     )
     back = tilted(
         soft_box(
-            (seat_x - 0.15 * length, -0.78 * across, seat_z + 0.05 * height),
-            (seat_x - 0.11 * length, 0.78 * across, 0.66 * height),
+            (seat_x - 0.15 * length, -0.78 * y, seat_z + 0.05 * z),
+            (seat_x - 0.11 * length, 0.78 * y, 0.66 * z),
             0.04,
             SEAT,
         ),
         (seat_x - 0.13 * length, seat_z),
         0.12,
     )
-    roof_z = 0.955 * height
+    roof_z = 0.955 * z
     parts = [
         hull(xs, sections, tone_at, shaded(paint, 0.9)),
-        box(
-            (axles[1], -0.55 * across, 0.08 * height), (axles[0], 0.55 * across, 0.2 * height), DARK
-        ),
-        *wheels(axles, across, radius, 0.3 * across),
+        box((axles[1], -0.55 * y, 0.08 * z), (axles[0], 0.55 * y, 0.2 * z), DARK),
+        *wheels(axles, y, radius, 0.3 * y),
         cushion,
         back,
         soft_box(
-            (-0.48 * length, -0.97 * across, roof_z),
-            (0.31 * length, 0.97 * across, height),
+            (-0.48 * length, -0.97 * y, roof_z),
+            (0.31 * length, 0.97 * y, z),
             0.04,
             shaded(paint, 1.04),
         ),
-        rod(
-            (0.22 * length, 0.35 * across, 0.42 * height),
-            (0.12 * length, 0.35 * across, 0.56 * height),
-            0.018,
-            DARK,
-        ),
-        _steering_wheel((0.12 * length, 0.35 * across, 0.56 * height)),
-        *_bumper(front - 0.012, 0.17 * height),
+        rod((0.22 * length, 0.35 * y, 0.42 * z), (0.12 * length, 0.35 * y, 0.56 * z), 0.018, DARK),
+        _steering_wheel((0.12 * length, 0.35 * y, 0.56 * z)),
+        *_bumper(front - 0.012, 0.17 * z),
     ]
     for x, foot in ((-0.445, 0.38), (0.235, 0.46)):
         post = rod(
-            (x * length, 0.86 * across, foot * height),
-            ((x + 0.02) * length, 0.86 * across, roof_z + 0.01),
+            (x * length, 0.86 * y, foot * z),
+            ((x + 0.02) * length, 0.86 * y, roof_z + 0.01),
             0.02,
             DARK,
         )
         parts += mirrored(post)
     lamp = soft_box(
-        (0.462 * length, 0.45 * across, 0.245 * height),
-        (0.485 * length, 0.72 * across, 0.295 * height),
+        (0.462 * length, 0.45 * y, 0.245 * z),
+        (0.485 * length, 0.72 * y, 0.295 * z),
         0.03,
         HEADLIGHT,
     )
-    tail = box(
-        (-front, 0.5 * across, 0.25 * height),
-        (-front + 0.03, 0.78 * across, 0.29 * height),
-        TAIL_LIGHT,
-    )
+    tail = box((-front, 0.5 * y, 0.25 * z), (-front + 0.03, 0.78 * y, 0.29 * z), TAIL_LIGHT)
     parts += [*mirrored(lamp), *mirrored(tail)]
     if spec.features.get("kind") == "golf cart":
-        for y in (-0.35, 0.3):
+        for side in (-0.35, 0.3):
             bag = soft_box(
-                (-0.45 * length, y * across - 0.1, 0.385 * height),
-                (-0.45 * length + 0.2, y * across + 0.1, 0.74 * height),
+                (-0.45 * length, side * y - 0.1, 0.385 * z),
+                (-0.45 * length + 0.2, side * y + 0.1, 0.74 * z),
                 0.05,
                 shade_of((0.5, 0.25, 0.2), spec.generator, 0.5),
             )
@@ -556,18 +480,15 @@ def buggy(spec: BodySpec) -> Solid:
     else:
         parts.append(
             soft_box(
-                (-0.46 * length, -0.7 * across, 0.385 * height),
-                (-0.34 * length, 0.7 * across, 0.5 * height),
+                (-0.46 * length, -0.7 * y, 0.385 * z),
+                (-0.34 * length, 0.7 * y, 0.5 * z),
                 0.03,
                 shaded(paint, 0.55),
             )
         )
         parts.append(
             soft_box(
-                (0.2 * length, -0.09, height - 0.005),
-                (0.2 * length + 0.12, 0.09, height + 0.09),
-                0.03,
-                AMBER,
+                (0.2 * length, -0.09, z - 0.005), (0.2 * length + 0.12, 0.09, z + 0.09), 0.03, AMBER
             )
         )
     return joined(parts)
@@ -591,14 +512,14 @@ def _bumper(front: float, z: float) -> list[Solid]:
 def scooter(spec: BodySpec) -> Solid:
     """Return a mobility scooter: footboard, shrouds, seat with arms, tiller, wheels."""
     length, width, height = spec.size_m
-    paint, across = spec.paint(0.15), 0.5 * width
+    paint, y = spec.paint(0.15), 0.5 * width
     radius = 0.13 * height
     x, z = length / 1.3, height
 
     def block(low: Point, high: Point, edge_m: float, tone: Colour) -> Solid:
         return soft_box(
-            (low[0] * x, low[1] * across, low[2] * z),
-            (high[0] * x, high[1] * across, high[2] * z),
+            (low[0] * x, low[1] * y, low[2] * z),
+            (high[0] * x, high[1] * y, high[2] * z),
             edge_m,
             tone,
         )
@@ -617,9 +538,7 @@ def scooter(spec: BodySpec) -> Solid:
         ),
         rod((0.38 * x, 0.0, 0.5 * z), (0.22 * x, 0.0, 0.92 * z), 0.03, DARK),
         block((0.16, -0.35, 0.87), (0.3, 0.35, 0.95), 0.04, paint),
-        rod(
-            (0.21 * x, -0.97 * across, 0.93 * z), (0.21 * x, 0.97 * across, 0.93 * z), 0.016, BLACK
-        ),
+        rod((0.21 * x, -0.97 * y, 0.93 * z), (0.21 * x, 0.97 * y, 0.93 * z), 0.016, BLACK),
         block((0.5, -0.2, 0.42), (0.53, 0.2, 0.5), 0.02, HEADLIGHT),
         tilted(
             block((0.16, -0.72, 0.3), (0.34, 0.72, 0.56), 0.05, (0.2, 0.2, 0.21, 1.0)),
@@ -629,6 +548,6 @@ def scooter(spec: BodySpec) -> Solid:
         *mirrored(block((-0.66, 0.45, 0.3), (-0.63, 0.75, 0.36), 0.01, TAIL_LIGHT)),
         *mirrored(block((-0.42, 0.78, 0.72), (-0.06, 0.96, 0.77), 0.02, SEAT)),
         *mirrored(block((-0.46, 0.84, 0.58), (-0.4, 0.93, 0.75), 0.01, DARK)),
-        *wheels((0.5 * x, -0.45 * x), across, radius, 0.3 * across),
+        *wheels((0.5 * x, -0.45 * x), y, radius, 0.3 * y),
     ]
     return joined(parts)

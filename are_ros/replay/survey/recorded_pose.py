@@ -11,7 +11,7 @@ from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, FrameError
 from are_ros.messages.common import read_header, read_pose
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.transforms.table import TransformSource
+from are_ros.world.transforms.edges import TransformSource
 from are_ros.world.transforms.tree import FrameTree
 
 _POSE_TYPE: Final = "geometry_msgs/msg/PoseWithCovarianceStamped"

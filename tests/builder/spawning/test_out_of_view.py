@@ -34,15 +34,14 @@ VIEWS: dict[str, ViewModel] = {
 
 
 @dataclass(frozen=True)
-class Blind:
+class Blind(ViewModel):
     """A view of which no pixel has a ray."""
 
     width: int = 20
     height: int = 10
 
-    def directions(self) -> npt.NDArray[np.float32]:
-        """Return zeros."""
-        return np.zeros((self.height, self.width, 3), np.float32)
+    def _rays(self) -> npt.NDArray[np.float64]:
+        return np.full((self.height, self.width, 3), np.nan)
 
 
 def _camera(x: float, y: float, z: float, yaw: float = 0.0, pitch: float = 0.0) -> RigidTransform:
