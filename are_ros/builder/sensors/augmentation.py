@@ -9,8 +9,8 @@ from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.population_manager import PopulationManager
 from are_ros.builder.sensors.colour_image import ColourImage
 from are_ros.builder.sensors.depth_image import DepthImage
+from are_ros.builder.sensors.obstacles import Obstacles
 from are_ros.builder.sensors.sensor_path import (
-    Obstacles,
     Reading,
     ReleasedReading,
     SensorPath,

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from are_ros.builder.rendering.painter import PaintedBody
 from are_ros.builder.sensors.image import CompressedImage, Image, PictureHeader, picture_header
 from are_ros.builder.sensors.lens import Lens, known_lens
-from are_ros.builder.sensors.sensor_path import Obstacles
+from are_ros.builder.sensors.obstacles import Obstacles
 from are_ros.builder.sensors.studio import Studio
 from are_ros.errors import InputError
 from are_ros.population.artefact import Artefact

@@ -12,10 +12,9 @@ from typing import Any, Final, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.sensors.image import CompressedImage, Image
 from are_ros.builder.sensors.lens import Lens, known_lens
-from are_ros.builder.sensors.sensor_path import Obstacles
+from are_ros.builder.sensors.obstacles import Obstacles
 from are_ros.errors import InputError
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -223,10 +222,11 @@ class DepthImage:
         lens.lower_depths(map_from_sensor, which, boxes, shapes, hits_m)
         is_hit = hits_m < limits_m
         tile, pixel = np.nonzero(is_hit & is_none)
-        if len(tile) and obstacles.surface is not None:
-            rays = lens.tiles.rays[which[tile], :, pixel] @ map_from_sensor.rotation_matrix().T
-            hidden = _are_hidden(map_from_sensor, rays, hits_m[tile, pixel], obstacles.surface)
-            is_hit[tile[hidden], pixel[hidden]] = False
+        rays = lens.tiles.rays[which[tile], :, pixel]
+        lengths = np.linalg.norm(rays, axis=1)
+        along_m = hits_m[tile, pixel] * lengths
+        hidden = obstacles.are_hidden(map_from_sensor, rays / lengths[:, None], along_m)
+        is_hit[tile[hidden], pixel[hidden]] = False
         places = rows[is_hit], columns[is_hit]
         numbers = code.stored(hits_m[is_hit])
         if (numbers == real[is_hit]).all():
@@ -234,15 +234,3 @@ class DepthImage:
         after = before.copy()
         after[places] = numbers
         return replace(self, pixels=self.pixels.with_stored(after))
-
-
-def _are_hidden(
-    map_from_camera: RigidTransform, rays: _Floats, depths_m: _Floats, surface: VoxelField
-) -> npt.NDArray[np.bool_]:
-    """Return which hits (K,) the environment hides, on rays (K, 3) to 1 m of depth in the map."""
-    lengths = np.linalg.norm(rays, axis=1)
-    hits_m = depths_m * lengths
-    origin_m, farthest_m = map_from_camera.translation_m, float(hits_m.max())
-    walls_m = surface.first_hits(origin_m, rays / lengths[:, None], farthest_m)
-    hidden: npt.NDArray[np.bool_] = walls_m < hits_m
-    return hidden
