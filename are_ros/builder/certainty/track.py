@@ -8,8 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.agents.events import PerceivedArtefact, PredictedPath
-from are_ros.builder.certainty.behaviour import BehaviourBelief
-from are_ros.builder.certainty.belief import ClassBelief, Existence
+from are_ros.builder.certainty.belief import Belief, Existence
 from are_ros.builder.certainty.body import Body, Motion
 from are_ros.builder.certainty.tracking_error import AXES, Floats, Process, TrackingError
 from are_ros.builder.observation import Sighting
@@ -32,7 +31,7 @@ class Track:
         body: Body,
         error: TrackingError,
         existence: Existence,
-        classes: ClassBelief,
+        classes: Belief,
     ) -> None:
         self.artefact_id = artefact_id
         self.body = body
@@ -41,8 +40,7 @@ class Track:
         self.classes = classes
         self.sighting = Sighting(0, 0, (0, 0, 0, 0), math.inf)
         self.seen_ns = 0
-        self.classified_ns: int | None = None
-        self.behaviours: BehaviourBelief | None = None
+        self.behaviours: Belief | None = None
 
     @property
     def estimate(self) -> Motion:
@@ -53,14 +51,16 @@ class Track:
         dx, dy, dyaw, dvx, dvy, dturn = self.error.error.tolist()
         return (x + dx, y + dy, z, yaw + dyaw, vx + dvx, vy + dvy, turn + dturn)
 
-    def report(self, behaviour_names: Sequence[str] = ()) -> PerceivedArtefact:
+    def report(
+        self, class_names: Sequence[str], behaviour_names: Sequence[str] = ()
+    ) -> PerceivedArtefact:
         """Return what is known, for the list; of behaviours if their names are given.
 
         The twist is in the axes of the estimated pose: the errors of its velocity do not depend on
         that of the heading.
         """
         x, y, z, yaw, vx, vy, turn = self.estimate
-        classes, probabilities = self.classes.ranked()
+        classes, probabilities = self.classes.ranked(class_names)
         behaviours: tuple[tuple[str, ...], tuple[float, ...]] = (), ()
         if behaviour_names and self.behaviours is not None:
             behaviours = self.behaviours.ranked(behaviour_names)
