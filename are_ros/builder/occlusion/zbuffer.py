@@ -9,7 +9,7 @@ import numpy.typing as npt
 from are_ros._compiled import compiled
 from are_ros.builder.occlusion.kernels import Boxes, Scratch, Tallies, Voxels, render
 from are_ros.builder.occlusion.meshes import MeshSelection
-from are_ros.builder.occlusion.rays import PIXELS, TiledRays, VoxelField, aligned
+from are_ros.builder.occlusion.rays import PIXELS, VoxelField, aligned, tiled
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.cameras import ViewModel
 from are_ros.world.rigid_transform import RigidTransform
@@ -49,7 +49,7 @@ class ZBuffer:
     """
 
     def __init__(self, view: ViewModel, max_range_m: float) -> None:
-        self._tiles = TiledRays.of(view.directions()).tiles
+        self._tiles = tiled(view.directions())
         self._max_range_m = np.float32(min(max_range_m, _FARTHEST_M))
 
     def visibility(

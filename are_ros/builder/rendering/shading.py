@@ -293,36 +293,6 @@ def _texel(
 @borrowing
 def darken(
     rays: Floats,
-    windows: Integers,
-    camera: Floats,
-    map_from_camera: Floats,
-    boxes: Floats,
-    real: Floats,
-    strength: np.float32,
-    shadow: Floats,
-    marks: npt.NDArray[np.uint8],
-) -> None:
-    """Lower the share (H, W) of the light that reaches the floor near bodies; see `_darken`.
-
-    `windows` are (N, 4), `boxes` (N, 7).
-    """
-    for body in range(boxes.shape[0]):
-        _darken(
-            rays,
-            windows[body],
-            camera,
-            map_from_camera,
-            boxes[body],
-            real,
-            strength,
-            shadow,
-            marks,
-        )
-
-
-@borrowing
-def _darken(
-    rays: Floats,
     window: Integers,
     camera: Floats,
     map_from_camera: Floats,
