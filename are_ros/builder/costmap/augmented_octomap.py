@@ -151,7 +151,8 @@ def _in_voxels(box: _Floats, triangles: _Floats, voxels: VoxelMap) -> _Floats:
     shrink_m = np.minimum(TOUCH_TOLERANCE_M / np.maximum(box[5:], TOUCH_TOLERANCE_M), 1.0)
     px, py, pz = (corners * (1.0 - shrink_m)).transpose(2, 0, 1)
     placed = np.stack((x + px * c - py * s, y + px * s + py * c, box[2] - z0 + pz), axis=2)
-    return (placed / np.array(voxels.voxel_size_m)).reshape(-1, 9)
+    in_voxels: _Floats = placed / np.array(voxels.voxel_size_m)
+    return in_voxels.reshape(-1, 9)
 
 
 @compiled

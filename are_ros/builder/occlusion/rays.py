@@ -59,7 +59,7 @@ def tiled(directions: npt.NDArray[np.float32]) -> Tiles:
     used = rays.any(axis=(1, 2))
     y, x = np.divmod(np.flatnonzero(used), columns)
     rays = rays[used]
-    valid = rays.any(axis=1)
+    valid = np.any(rays != 0.0, axis=1)
     axes = rays.sum(axis=2, dtype=np.float64)
     axes /= np.maximum(np.linalg.norm(axes, axis=1, keepdims=True), 1e-12)
     apart = np.linalg.norm(rays - axes[:, :, np.newaxis], axis=1)

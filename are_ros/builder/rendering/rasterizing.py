@@ -122,7 +122,7 @@ def sample_rays(rays: Floats) -> Floats:
     They lie between those of the pixels around. Beyond the edge of a lens's image there is no ray:
     the pixel's own serves. A pixel without a ray has none in its samples.
     """
-    (height, width), has_ray = rays.shape[:2], rays.any(axis=2)
+    (height, width), has_ray = rays.shape[:2], np.any(rays, axis=2)
     blocks = -(-width // WIDE)
     samples = np.zeros((height, blocks, 3, SAMPLES, WIDE), dtype=np.float32)
     padded = np.zeros((height, blocks * WIDE, 3))

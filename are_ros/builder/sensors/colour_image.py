@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -55,24 +55,6 @@ _BITS, _WITH_ALPHA = 8, 4
 _MOST_PIXELS: Final = 1 << 26
 
 
-class ColourPixels(Protocol):
-    """The pixels of a message, as it was received; raw images and compressed ones implement it."""
-
-    @property
-    def image(self) -> Image | CompressedImage:
-        """The message."""
-
-    def rgb(self) -> Pixels:
-        """Return the pixels (H, W, 3), new; InputError if they cannot be decompressed."""
-
-    def with_rgb(self, painted: Pixels, before: Pixels, quality: int) -> "ColourPixels":
-        """Return the message with other pixels (H, W, 3).
-
-        `before` are those that `rgb` gave: pixels that are the same keep their bits in a raw image.
-        `quality` is that of a JPEG.
-        """
-
-
 @dataclass(frozen=True, eq=False)
 class RawColour:
     """The pixels of a raw image; InputError if its encoding is not painted on."""
@@ -88,7 +70,7 @@ class RawColour:
             raise InputError(f"encoding {encoding!r} needs an even width, but it is {width}")
 
     def rgb(self) -> Pixels:
-        """See `ColourPixels`."""
+        """Return the pixels (H, W, 3), new."""
         stored, encoding = self.image.pixels(), self.image.encoding
         if encoding not in _ORDERS:
             import cv2
@@ -107,7 +89,11 @@ class RawColour:
         return np.ascontiguousarray(ordered)
 
     def with_rgb(self, painted: Pixels, before: Pixels, quality: int) -> "RawColour":
-        """See `ColourPixels`."""
+        """Return the message with other pixels (H, W, 3).
+
+        `before` are those that `rgb` gave: pixels that are the same keep their bits. `quality` is
+        that of a JPEG.
+        """
         del quality
         stored, encoding = self.image.pixels().copy(), self.image.encoding
         if encoding in _ORDERS and stored.ndim > 2:
@@ -160,7 +146,7 @@ class CompressedColour:
     image: CompressedImage
 
     def rgb(self) -> Pixels:
-        """See `ColourPixels`."""
+        """Return the pixels (H, W, 3), new; InputError if they cannot be decompressed."""
         import cv2
 
         self._header()
@@ -168,7 +154,7 @@ class CompressedColour:
         return np.ascontiguousarray(stored[:, :, ::-1])
 
     def with_rgb(self, painted: Pixels, before: Pixels, quality: int) -> "CompressedColour":
-        """See `ColourPixels`."""
+        """Return the message with other pixels (H, W, 3), see `RawColour`."""
         import cv2
 
         del before
@@ -209,6 +195,10 @@ class CompressedColour:
         if header.width * header.height > _MOST_PIXELS:
             raise InputError(f"{name}: it claims to have {header.width} x {header.height} pixels")
         return header
+
+
+ColourPixels = RawColour | CompressedColour
+"""The pixels of a message, as it was received."""
 
 
 @dataclass(frozen=True, eq=False)

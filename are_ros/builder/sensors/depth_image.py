@@ -25,31 +25,18 @@ _TOO_NEAR_M: Final = 1e-3
 """An artefact as near as this has no depth in metres: the camera is inside of it."""
 
 
-class DepthCode(Protocol):
-    """What the numbers of an image of depths mean."""
-
-    @property
-    def farthest_m(self) -> float:
-        """The largest depth that has a number [m]."""
-
-    def depths_m(self, stored: _Stored) -> _Floats:
-        """Return the depths [m], float64: NaN where nothing came back, -inf where too close."""
-
-    def stored(self, depths_m: _Floats) -> _Stored:
-        """Return the numbers that are nearest to depths [m]; too close is what the code has."""
-
-
 class Millimetres:
     """Whole millimetres, 0 where there is no depth: 16UC1, mono16."""
 
     farthest_m = 65.535
+    """The largest depth that has a number [m]."""
 
     def depths_m(self, stored: _Stored) -> _Floats:
-        """Return the depths; see `DepthCode`."""
+        """Return the depths [m], float64: NaN where nothing came back, -inf where too close."""
         return np.where(stored > 0, stored * 1e-3, np.nan)
 
     def stored(self, depths_m: _Floats) -> _Stored:
-        """Return the numbers; see `DepthCode`."""
+        """Return the numbers that are nearest to depths [m]; too close is what the code has."""
         return np.rint(np.clip(depths_m, 0.0, self.farthest_m) * 1e3).astype(np.uint16)
 
 
@@ -59,7 +46,7 @@ class Metres:
     farthest_m = math.inf
 
     def depths_m(self, stored: _Stored) -> _Floats:
-        """Return the depths; see `DepthCode`."""
+        """Return the depths; see `Millimetres`."""
         depths = stored.astype(np.float64)
         with np.errstate(invalid="ignore"):
             is_none = ~(depths > 0.0) | (depths == np.inf)
@@ -67,7 +54,7 @@ class Metres:
         return depths
 
     def stored(self, depths_m: _Floats) -> _Stored:
-        """Return the numbers; see `DepthCode`."""
+        """Return the numbers; see `Millimetres`."""
         return np.where(depths_m <= _TOO_NEAR_M, -np.inf, depths_m).astype(np.float32)
 
 
@@ -87,17 +74,21 @@ class InverseDepth:
 
     @property
     def farthest_m(self) -> float:
-        """See `DepthCode`."""
+        """See `Millimetres`."""
         return self.a / (1.0 - self.b)
 
     def depths_m(self, stored: _Stored) -> _Floats:
-        """Return the depths; see `DepthCode`."""
+        """Return the depths; see `Millimetres`."""
         return np.where(stored > 0, self.a / (np.maximum(stored, 1) - self.b), np.nan)
 
     def stored(self, depths_m: _Floats) -> _Stored:
         """Return the numbers; nearer than the largest one says there is none."""
         steps = np.rint(self.a / np.maximum(depths_m, 1e-9) + self.b)
         return np.where((steps < 1.0) | (steps > 65535.0), 0.0, steps).astype(np.uint16)
+
+
+DepthCode = Millimetres | Metres | InverseDepth
+"""What the numbers of an image of depths mean."""
 
 
 class DepthPixels(Protocol):

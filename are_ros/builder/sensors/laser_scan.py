@@ -141,6 +141,7 @@ class LaserScan:
 def _directions(first_rad: float, increment_rad: float, count: int) -> npt.NDArray[np.float64]:
     """Return the unit vectors (N, 3) of N beams; each axis is contiguous, as kernels take rays."""
     angles = first_rad + np.arange(count) * increment_rad
+    directions: npt.NDArray[np.float64]
     directions = np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles))).T
     directions.flags.writeable = False
     return directions

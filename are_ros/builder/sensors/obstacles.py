@@ -111,7 +111,7 @@ def _first_hits(
             dx, dy = cosine * x + sine * y, cosine * y - sine * x
             limit = min(limits_m[ray], hits_m[ray])
             if meshes[box] >= 0:
-                hit = cast(tree, meshes[box], ox, oy, oz, dx, dy, dz, limit)[0]
+                hit = cast(tree, meshes[box], ox, oy, oz, dx, dy, dz, limit)
             else:
                 hit = enters(corners, ox, oy, oz, inverse(dx), inverse(dy), inverse(dz))
             if hit <= limit:

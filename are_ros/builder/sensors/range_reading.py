@@ -92,4 +92,5 @@ def _rays_in_cone(field_of_view_rad: float) -> npt.NDArray[np.float64]:
     angles = np.linspace(-half, half, 2 * math.ceil(half / _STEP_RAD) + 1)
     x, across = np.cos(angles), np.sin(angles)
     axes = np.broadcast_arrays(x, np.cos(turns) * across, np.sin(turns) * across)
-    return np.stack([axis.ravel() for axis in axes]).T
+    rays: npt.NDArray[np.float64] = np.stack([axis.ravel() for axis in axes]).T
+    return rays
