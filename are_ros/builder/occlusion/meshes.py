@@ -254,23 +254,10 @@ _NO_MESHES: Final = MeshPool.of([])
 
 @dataclass(frozen=True, eq=False)
 class MeshSelection:
-    """Which mesh of a pool stands in each box: `indices` int64 (N,), -1 where the box itself does.
-
-    Raises InputError for an index outside the pool.
-    """
+    """Which mesh of a pool stands in each box: `indices` int64 (N,), -1 where it is the box."""
 
     pool: MeshPool
     indices: npt.NDArray[np.int64]
-
-    def __post_init__(self) -> None:
-        indices = np.ascontiguousarray(self.indices, dtype=np.int64).view()
-        indices.flags.writeable = False
-        object.__setattr__(self, "indices", indices)
-        outside = (self.indices < -1) | (self.indices >= len(self.pool))
-        if outside.any():
-            index = int(self.indices[outside][0])
-            message = f"mesh {index} is asked for, and the pool has {len(self.pool)}"
-            raise InputError(message)
 
     @classmethod
     def boxes_only(cls, count: int) -> "MeshSelection":

@@ -138,9 +138,7 @@ class PointCloud:
         """Return a row of points at 2.5 m, with a gap, for `warm_up`."""
         angles = np.delete(np.arange(40), slice(10, 14)) * 0.1
         points_m = 2.5 * np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=1)
-        fields = tuple(CloudField(axis, 4 * k, 7) for k, axis in enumerate("xyz"))
-        data = points_m.astype("<f4").view(np.uint8).reshape(1, -1)
-        return cls(frame_id, stamp_ns, fields, False, True, len(angles), 12, data)
+        return cls.of_points(frame_id, stamp_ns, points_m)
 
     def points_m(self) -> npt.NDArray[np.float32] | _Floats:
         """Return the points (H * W, 3) [m], row by row, NaN where it has NaN; the array is new.

@@ -7,7 +7,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from are_ros.builder.occlusion.meshes import MeshPool, MeshSelection, cast, cast_tile
+from are_ros.builder.occlusion.meshes import MeshPool, cast, cast_tile
 from are_ros.builder.occlusion.rays import PIXELS
 from are_ros.errors import InputError
 
@@ -123,14 +123,6 @@ def test_a_broken_mesh_is_refused(mesh: Mesh, reason: str) -> None:
     """The sentence names the mesh by number, and the reason."""
     with pytest.raises(InputError, match=rf"mesh 1 .*{reason}"):
         MeshPool.of([_solid("box"), mesh])
-
-
-def test_a_selection_names_meshes_of_its_pool() -> None:
-    """An index outside the pool is refused; -1 stands for the box itself."""
-    pool = MeshPool.of([_solid("box")])
-    assert MeshSelection(pool, np.array([0, -1])).indices.tolist() == [0, -1]
-    with pytest.raises(InputError, match="mesh 1 is asked for, and the pool has 1"):
-        MeshSelection(pool, np.array([0, 1]))
 
 
 @settings(max_examples=40, deadline=None)
