@@ -1,7 +1,7 @@
 """What painters need from image to image: surfaces, rays, light, and the depths of the moment."""
 
 from collections import deque
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +11,7 @@ from are_ros.builder.rendering.painter import Lighting, Painter
 from are_ros.builder.rendering.surface import SurfaceBank
 from are_ros.builder.sensors.depth_image import DepthImage
 from are_ros.builder.sensors.lens import Lens
+from are_ros.builder.sensors.sensor_path import Reading
 from are_ros.errors import InputError
 from are_ros.parameters.choices import Light
 from are_ros.parameters.model import RenderingParameters
@@ -22,18 +23,6 @@ _KEPT: Final = 30
 _SAME_NS: Final = 5_000_000
 """A depth image and an image whose stamps differ by at most this are of the same time."""
 _FAR_M: Final = 1e4
-
-
-class Framed(Protocol):
-    """What has a frame and a stamp."""
-
-    @property
-    def frame_id(self) -> str:
-        """The optical frame."""
-
-    @property
-    def stamp_ns(self) -> int:
-        """The time of measurement [ns]."""
 
 
 class Studio:
@@ -87,7 +76,7 @@ class Studio:
         """Forget the depth images: the clock jumped."""
         self._depths.clear()
 
-    def lacks_depth(self, image: Framed) -> bool:
+    def lacks_depth(self, image: Reading) -> bool:
         """Say whether the depth image of an image is still to come.
 
         It is if there is none of its time yet, but there were earlier ones of its frame, or the
@@ -100,7 +89,7 @@ class Studio:
 
     def real_ranges(
         self,
-        image: Framed,
+        image: Reading,
         lens: Lens,
         map_from_camera: RigidTransform,
         which: npt.NDArray[np.int64],
@@ -129,7 +118,7 @@ class Studio:
         ranges[is_open] = np.inf
         return ranges
 
-    def _depth_of(self, image: Framed, height: int, width: int) -> DepthImage | None:
+    def _depth_of(self, image: Reading, height: int, width: int) -> DepthImage | None:
         """Return the depth image that goes with an image, None if there is none."""
         near = [
             one

@@ -11,7 +11,7 @@ from are_ros.agents.local_planner.body import Body
 from are_ros.agents.mdp.coarse_map import CoarseMaps, rounded_up_m
 from are_ros.agents.navigation.profile import NavigationProfile
 from are_ros.agents.navigation.terrain import Terrains
-from are_ros.builder.spawning._departure_constraint import (
+from are_ros.builder.spawning.placement import (
     DepartureConstraint,
     VehicleDepartureCheck,
     departure_constraint_of,

@@ -11,8 +11,12 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from are_ros.agents.navigation.terrain import Terrains
-from are_ros.builder.spawning._departure_constraint import departure_constraint_of
-from are_ros.builder.spawning.placement import CandidateCells, PlacementConstraints, Placer
+from are_ros.builder.spawning.placement import (
+    CandidateCells,
+    PlacementConstraints,
+    Placer,
+    departure_constraint_of,
+)
 from are_ros.population.artefact import GroundPose, boxes_of
 from are_ros.population.catalogue import CatalogueRow, MotionLimits
 from are_ros.world.boxes import OrientedBoxes
