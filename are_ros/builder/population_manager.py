@@ -26,8 +26,7 @@ from are_ros.agents.table import AgentTable
 from are_ros.builder.files.scenario_file import read_scenario
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.scene import Scene
-from are_ros.builder.spawning.out_of_view import OutOfView, Viewpoint
-from are_ros.builder.spawning.spawner import Spawning
+from are_ros.builder.spawning.spawner import OutOfView, Spawning, Viewpoint
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import BehaviourError, PlacementError
 from are_ros.parameters.choices import Leave

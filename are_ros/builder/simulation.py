@@ -16,7 +16,7 @@ from are_ros.builder.real_world import RealWorld
 from are_ros.builder.sensors.augmentation import SensorAugmentation
 from are_ros.builder.sensors.lens import Lens
 from are_ros.builder.sensors.sensor_path import Reading, ReleasedReading
-from are_ros.builder.spawning.out_of_view import Viewpoint
+from are_ros.builder.spawning.spawner import Viewpoint
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError
 from are_ros.parameters.choices import CameraModel

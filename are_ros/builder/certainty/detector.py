@@ -8,11 +8,17 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.builder.certainty.belief import BehaviourLaw, Belief, Census, behaviour_shares
-from are_ros.builder.certainty.body import Body, boxes_at
 from are_ros.builder.certainty.false_alarms import FalseAlarm, FalseAlarms
 from are_ros.builder.certainty.perception import Delay, Perception, View
-from are_ros.builder.certainty.track import Track, predicted_paths
-from are_ros.builder.certainty.tracking_error import Floats, Process, TrackingError
+from are_ros.builder.certainty.track import (
+    Body,
+    Floats,
+    Process,
+    Track,
+    TrackingError,
+    boxes_at,
+    predicted_paths,
+)
 from are_ros.builder.observation import Sighting, joined
 from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S, seconds_to_ns
