@@ -128,13 +128,11 @@ class RateLimit:
         that is `at_once`. A clock that jumped back starts a new interval.
         """
         self._is_pending |= changed
-        if not self._is_pending or (self._is_early(now_ns) and not at_once):
+        is_early = self._last_ns is not None and 0 <= now_ns - self._last_ns < self._interval_ns
+        if not self._is_pending or (is_early and not at_once):
             return False
         self._last_ns, self._is_pending = now_ns, False
         return True
-
-    def _is_early(self, now_ns: int) -> bool:
-        return self._last_ns is not None and 0 <= now_ns - self._last_ns < self._interval_ns
 
 
 @compiled
