@@ -157,7 +157,10 @@ def _in_voxels(box: _Floats, triangles: _Floats, voxels: VoxelMap) -> _Floats:
 
 @compiled
 def _surface_voxels(corners: _Floats, occupied: NDArray[np.uint8]) -> _Voxels:
-    """Return the packed voxels that triangles (T, 9) meet, the occupied ones left out."""
+    """Return the packed voxels that triangles (T, 9) meet, the occupied ones left out.
+
+    In the order of their indices.
+    """
     low, high = np.empty(3, np.int64), np.empty(3, np.int64)
     for axis in range(3):
         low[axis] = np.int64(np.floor(corners[:, axis::3].min()))
@@ -165,7 +168,21 @@ def _surface_voxels(corners: _Floats, occupied: NDArray[np.uint8]) -> _Voxels:
     marks = np.zeros((high[0] - low[0] + 1, high[1] - low[1] + 1, high[2] - low[2] + 1), np.uint8)
     for t in range(corners.shape[0]):
         _mark(corners[t], low, marks)
-    return _collected(marks, low, occupied)
+    nx, ny, nz = occupied.shape
+    found = np.empty(np.count_nonzero(marks), np.int64)
+    count = 0
+    for i in range(marks.shape[0]):
+        for j in range(marks.shape[1]):
+            for k in range(marks.shape[2]):
+                if not marks[i, j, k]:
+                    continue
+                x, y, z = i + low[0], j + low[1], k + low[2]
+                inside = 0 <= x < nx and 0 <= y < ny and 0 <= z < nz
+                if inside and occupied[x, y, z]:
+                    continue
+                found[count] = (((x + _HALF) << _BITS) + y + _HALF << _BITS) + z + _HALF
+                count += 1
+    return found[:count]
 
 
 @compiled
@@ -228,23 +245,3 @@ def _meets_square(corners: _Floats, u: int, v: int, i: int, j: int) -> bool:
         if min(here, there) > reach or max(here, there) < -reach:
             return False
     return True
-
-
-@compiled
-def _collected(marks: NDArray[np.uint8], low: _Voxels, occupied: NDArray[np.uint8]) -> _Voxels:
-    """Return the marked voxels that are not occupied, packed, in the order of their indices."""
-    nx, ny, nz = occupied.shape
-    found = np.empty(np.count_nonzero(marks), np.int64)
-    count = 0
-    for i in range(marks.shape[0]):
-        for j in range(marks.shape[1]):
-            for k in range(marks.shape[2]):
-                if not marks[i, j, k]:
-                    continue
-                x, y, z = i + low[0], j + low[1], k + low[2]
-                inside = 0 <= x < nx and 0 <= y < ny and 0 <= z < nz
-                if inside and occupied[x, y, z]:
-                    continue
-                found[count] = (((x + _HALF) << _BITS) + y + _HALF << _BITS) + z + _HALF
-                count += 1
-    return found[:count]

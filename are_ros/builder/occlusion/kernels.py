@@ -280,7 +280,19 @@ def hide_behind_others(
             front[pixel] = min(front[pixel], depth[pixel])
     if meshes > 0:
         _lower_to_meshes(boxes, tree, axis, spread, count, scratch)
-    return _drop_hidden(count, scratch)
+    kept = 0
+    for candidate in range(count):
+        depth, seen = depths[candidate], np.int32(0)
+        for pixel in range(PIXELS):
+            is_seen = (depth[pixel] <= front[pixel] + TIE_M) & (depth[pixel] < INFINITE)
+            depth[pixel] = depth[pixel] if is_seen else INFINITE
+            seen = np.int32(seen + is_seen)
+        if seen > 0:
+            scratch.candidates[kept] = scratch.candidates[candidate]
+            for pixel in range(PIXELS if kept < candidate else 0):
+                depths[kept, pixel] = depth[pixel]
+            kept += 1
+    return kept
 
 
 @borrowing
@@ -330,24 +342,6 @@ def _matters(
         depth = depths[pixel]
         matters = np.int32(matters + ((depth + TIE_M < last[pixel]) & (depth < front[pixel])))
     return bool(matters > 0)
-
-
-@inlined
-def _drop_hidden(count: int, scratch: Scratch) -> int:
-    """Set Z_a behind the front to inf, drop candidates without a pixel, return the rest's count."""
-    depths, front, kept = scratch.depths, scratch.front_m, 0
-    for candidate in range(count):
-        depth, seen = depths[candidate], np.int32(0)
-        for pixel in range(PIXELS):
-            is_seen = (depth[pixel] <= front[pixel] + TIE_M) & (depth[pixel] < INFINITE)
-            depth[pixel] = depth[pixel] if is_seen else INFINITE
-            seen = np.int32(seen + is_seen)
-        if seen > 0:
-            scratch.candidates[kept] = scratch.candidates[candidate]
-            for pixel in range(PIXELS if kept < candidate else 0):
-                depths[kept, pixel] = depth[pixel]
-            kept += 1
-    return kept
 
 
 @owning
