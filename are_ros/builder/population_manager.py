@@ -93,10 +93,6 @@ _PERSON: Final = (0.3, 0.3, 0.9, 0.0, 0.0)
 """The shape of a box, as `OrientedBoxes.standing` takes it [m], which stands for any artefact."""
 
 
-def _no_viewpoints(_: int) -> Sequence[Viewpoint]:
-    return ()
-
-
 class PopulationManager:
     """Runs the population and the crowd, and chooses where artefacts arrive."""
 
@@ -119,7 +115,7 @@ class PopulationManager:
         self._paused_ns = 0
         self.goal: Footprint | None = None
         self.plan_m: npt.NDArray[np.float64] = np.empty((0, 2))
-        self.viewpoints: Callable[[int], Sequence[Viewpoint]] = _no_viewpoints
+        self.viewpoints: Callable[[int], Sequence[Viewpoint]] = lambda _: ()
         self._catalogue = catalogue
         self._parameters = parameters
         self._world = world

@@ -216,7 +216,9 @@ class InflatedCostmap:
         entered = rectangles(changes.arrived, margin, shape)
         self._inflate_masks((*changes.arrived, *changes.standing))
         restore(self._costs, self._static, vacated)
-        self._stamp(changes.to_stamp(margin, shape))
+        for each in changes.to_stamp(margin, shape):
+            patch = self._inflated[each.key]
+            stamp(self._costs, patch, each.row0 - margin, each.col0 - margin)
         places = np.concatenate((vacated, entered))
         changed = publish(self._costs, self._scaled, self._published, places)
         was_new, self._is_new = self._is_new, False
@@ -231,12 +233,6 @@ class InflatedCostmap:
                 margin = self._radius_cells
                 costs = inflated(each.mask, self._cost_of_d2, margin, margin)
             self._inflated[each.key] = before[each.key] = costs
-
-    def _stamp(self, placed: Iterable[CellPatch]) -> None:
-        margin = self._radius_cells
-        for each in placed:
-            patch = self._inflated[each.key]
-            stamp(self._costs, patch, each.row0 - margin, each.col0 - margin)
 
     @property
     def costs(self) -> Costs:
