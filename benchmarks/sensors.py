@@ -25,8 +25,8 @@ import numpy.typing as npt
 from are_ros.builder.costmap.augmented_octomap import box_triangles, surface_voxels, unpacked
 from are_ros.builder.occlusion.meshes import MeshSelection
 from are_ros.builder.sensors.laser_scan import LaserScan
+from are_ros.builder.sensors.obstacles import Obstacles
 from are_ros.builder.sensors.point_cloud import CloudField, PointCloud
-from are_ros.builder.sensors.sensor_path import Obstacles
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_files.octomap import read_voxel_file

@@ -5,9 +5,10 @@ from dataclasses import dataclass, field, replace
 
 from are_ros.agents.events import ArtefactEvent, ArtefactState, EventKind, PerceivedArtefact
 from are_ros.agents.robots import RobotTracker
+from are_ros.builder.occlusion.kernels import Visibility
 from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.builder.occlusion.rays import VoxelField
-from are_ros.builder.occlusion.zbuffer import Visibility, ZBuffer
+from are_ros.builder.occlusion.zbuffer import ZBuffer
 from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Shape

@@ -26,8 +26,7 @@ from are_ros.agents.table import AgentTable
 from are_ros.builder.files.scenario_file import read_scenario
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.scene import Scene
-from are_ros.builder.spawning.out_of_view import OutOfView, Viewpoint
-from are_ros.builder.spawning.spawner import Spawning
+from are_ros.builder.spawning.spawner import OutOfView, Spawning, Viewpoint
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import BehaviourError, PlacementError
 from are_ros.parameters.choices import Leave
@@ -94,10 +93,6 @@ _PERSON: Final = (0.3, 0.3, 0.9, 0.0, 0.0)
 """The shape of a box, as `OrientedBoxes.standing` takes it [m], which stands for any artefact."""
 
 
-def _no_viewpoints(_: int) -> Sequence[Viewpoint]:
-    return ()
-
-
 class PopulationManager:
     """Runs the population and the crowd, and chooses where artefacts arrive."""
 
@@ -120,7 +115,7 @@ class PopulationManager:
         self._paused_ns = 0
         self.goal: Footprint | None = None
         self.plan_m: npt.NDArray[np.float64] = np.empty((0, 2))
-        self.viewpoints: Callable[[int], Sequence[Viewpoint]] = _no_viewpoints
+        self.viewpoints: Callable[[int], Sequence[Viewpoint]] = lambda _: ()
         self._catalogue = catalogue
         self._parameters = parameters
         self._world = world

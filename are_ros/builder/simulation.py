@@ -16,7 +16,7 @@ from are_ros.builder.real_world import RealWorld
 from are_ros.builder.sensors.augmentation import SensorAugmentation
 from are_ros.builder.sensors.lens import Lens
 from are_ros.builder.sensors.sensor_path import Reading, ReleasedReading
-from are_ros.builder.spawning.out_of_view import Viewpoint
+from are_ros.builder.spawning.spawner import Viewpoint
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError
 from are_ros.parameters.choices import CameraModel
@@ -185,7 +185,8 @@ class Simulation:
             map_from_plan = self.frames.lookup_latest(self.parameters.frames.map, frame_id)
             plan_m = map_from_plan.apply(np.asarray(points_m, dtype=np.float64))
         self.lives.plan_m = plan_m[:, :2]
-        self.lives.goal = self._goal_of(plan_m) if len(plan_m) else None
+        radius_m = self.robots.observer.footprint.circumscribed_radius_m
+        self.lives.goal = Footprint(plan_m[-1:, :2], radius_m) if len(plan_m) else None
 
     def take_readings(self) -> list[ReleasedReading]:
         """Return the readings released since the last call."""
@@ -220,7 +221,8 @@ class Simulation:
             self.lives.advance(deadline_ns)
             self.sensors.deadline_passed(deadline_ns)
         self.lives.advance(now_ns)
-        self._idle_until_ns = self._next_due_ns()
+        due_ns = self.lives.next_due_ns()
+        self._idle_until_ns = due_ns if deadline_ns is None else min(due_ns, deadline_ns)
 
     def finish(self, now_ns: int) -> None:
         """Release the readings that still wait: the inputs have ended."""
@@ -230,12 +232,6 @@ class Simulation:
     def next_deadline_ns(self) -> int | None:
         """Return when the next reading that waits must leave, None if none waits."""
         return self.sensors.next_deadline_ns()
-
-    def _next_due_ns(self) -> int:
-        """Return the time before which nothing is due unless an input comes."""
-        deadline_ns = self.next_deadline_ns()
-        due_ns = self.lives.next_due_ns()
-        return due_ns if deadline_ns is None else min(due_ns, deadline_ns)
 
     def _check_clock(self, now_ns: int) -> None:
         """Restart if the clock has jumped back, as it does when a recording loops."""
@@ -285,11 +281,6 @@ class Simulation:
         """Process what is due before an input."""
         self.advance(received_ns)
         self.lives.touch(received_ns)
-
-    def _goal_of(self, plan_m: npt.NDArray[np.float64]) -> Footprint:
-        """Return the robot's disc at the end of its path (N, 3), in the map frame."""
-        radius_m = self.robots.observer.footprint.circumscribed_radius_m
-        return Footprint(plan_m[-1:, :2], radius_m)
 
     def _viewpoints(self, now_ns: int) -> Sequence[Viewpoint]:
         """Return the cameras at their poses, without those whose pose is not known."""

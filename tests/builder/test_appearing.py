@@ -16,8 +16,7 @@ from scipy import stats
 from are_ros.agents.robots import RobotPose
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.occlusion.zbuffer import ZBuffer
-from are_ros.builder.spawning.out_of_view import Viewpoint
-from are_ros.builder.spawning.spawner import Allowed, Spawning
+from are_ros.builder.spawning.spawner import Allowed, Spawning, Viewpoint
 from are_ros.errors import ParameterError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters

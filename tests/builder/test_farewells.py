@@ -6,7 +6,7 @@ import pytest
 
 from are_ros.agents.table import AgentTable
 from are_ros.builder.population_manager import overdue
-from are_ros.builder.spawning.out_of_view import OutOfView
+from are_ros.builder.spawning.spawner import OutOfView
 from are_ros.conventions import NS_PER_S
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.population.catalogue import CatalogueRow

@@ -1,11 +1,9 @@
 """Which artefacts pass the gate: perceived now, or remembered."""
 
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from are_ros.builder.costmap.augmented_map import GateMemory
-from are_ros.errors import ParameterError
 
 IDS = st.frozensets(st.integers(0, 5))
 TICKS = st.lists(st.tuples(st.integers(-3, 4), IDS, IDS), max_size=25)
@@ -67,12 +65,6 @@ def test_any_history_obeys_the_definition(
                     expected.append(artefact_id)
                     break
         assert gate.admitted(now_ns, dict.fromkeys(perceived, now_ns), alive) == tuple(expected)
-
-
-def test_negative_memory_is_refused() -> None:
-    """A negative memory is a parameter error."""
-    with pytest.raises(ParameterError, match="negative"):
-        GateMemory(-1)
 
 
 def test_a_held_sighting_counts_from_the_look() -> None:

@@ -1,10 +1,18 @@
-"""What a tracker believes of a track: that it exists, and which class it is of; by Bayes' rule."""
+"""What a tracker believes of a track: that it exists, of which class it is, and what it does.
+
+By Bayes' rule; behaviours are a hidden Markov model with looks that err.
+"""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
+
+from are_ros.population.catalogue import CatalogueRow
+
+Floats = npt.NDArray[np.float64]
 
 
 class Existence(NamedTuple):
@@ -40,6 +48,50 @@ class Existence(NamedTuple):
         return Existence(artefact / total, false_alarm / total, self.nothing / total)
 
 
+class Belief:
+    """The probabilities of what a track is, or does, by the numbers of the possibilities.
+
+    Later numbers than there are probabilities are of what nobody did when the track began.
+    """
+
+    def __init__(self, prior: Floats) -> None:
+        self.probabilities = prior
+        self.looked_ns: int | None = None
+        """When a look last named one [ns]."""
+
+    def widen(self, count: int) -> None:
+        """Take in the possibilities that came up since: so far they were impossible."""
+        self.probabilities = np.pad(self.probabilities, (0, count - len(self.probabilities)))
+
+    def look(
+        self, draws: np.random.Generator, truth: int | None, accuracy: float, now_ns: int
+    ) -> None:
+        """Draw what a look names, and take it into account.
+
+        It names the truth with the probability `accuracy`, else any other alike; any one alike
+        where nothing is there to be named (None).
+        """
+        self.looked_ns, count = now_ns, len(self.probabilities)
+        if count == 1:
+            return
+        uniform, shift = draws.random(), int(draws.integers(1, count))
+        if truth is None:
+            named = int(uniform * count)
+        else:
+            named = truth if uniform < accuracy else (truth + shift) % count
+        likelihoods = np.full(count, (1.0 - accuracy) / (count - 1))
+        likelihoods[named] = accuracy
+        joint = self.probabilities * likelihoods
+        # What was held for impossible is seen: the look alone counts then.
+        self.probabilities = joint / math.fsum(joint) if joint.any() else likelihoods
+
+    def ranked(self, names: Sequence[str]) -> tuple[tuple[str, ...], tuple[float, ...]]:
+        """Return the names of what is possible and its probabilities, the most probable first."""
+        order = np.argsort(-self.probabilities, kind="stable").tolist()
+        possible = [k for k in order if self.probabilities[k] > 0.0]
+        return tuple(names[k] for k in possible), tuple(self.probabilities[possible].tolist())
+
+
 class Census:
     """Counts the tracks that have begun: the priors of those that begin later.
 
@@ -62,10 +114,10 @@ class Census:
         total = artefacts + false_alarms
         return Existence(artefacts / total, false_alarms / total)
 
-    def class_belief(self) -> "ClassBelief":
+    def class_belief(self) -> Belief:
         """Return the shares of the classes among the artefacts so far, begun with the catalogue."""
         shares = self._artefacts + self._expected
-        return ClassBelief(self.classes, (shares / shares.sum()).tolist())
+        return Belief(shares / shares.sum())
 
     def count_artefact(self, class_name: str) -> None:
         """Count the track of an artefact of a class."""
@@ -76,32 +128,73 @@ class Census:
         self._false_alarms += 1
 
 
-class ClassBelief:
-    """The probabilities of the classes of one track."""
+class BehaviourLaw:
+    """How behaviours begin and follow each other: the counts of the artefacts tracked so far.
 
-    def __init__(self, classes: Sequence[str], prior: Sequence[float]) -> None:
-        self._classes = tuple(classes)
-        self._probabilities = list(prior)
+    The counts know the truth, as those do by which a real classifier was calibrated on a site. It
+    is a Markov process with constant rates; before there are counts, one behaviour lasts a life.
+    """
 
-    def look(self, generator: np.random.Generator, true_class: str, accuracy: float) -> None:
-        """Draw the class that a look names, and take it into account.
+    def __init__(self, shares: Mapping[str, float], mean_life_s: float) -> None:
+        """Take the behaviours with the shares that the catalogue gives them."""
+        count = len(shares)
+        self.names = list(shares)
+        self._mean_life_s = mean_life_s
+        self._begun = np.array(tuple(shares.values())) + 1.0 / count
+        self._lasted_s = np.zeros(count)
+        self._changes = np.zeros((count, count))
 
-        It names the true class with the probability `accuracy`, else any other alike.
+    def belief(self) -> Belief:
+        """Return the belief of a track that begins: the shares among those that began before."""
+        return Belief(self._begun / self._begun.sum())
+
+    def number(self, name: str) -> int:
+        """Return the number of a behaviour; one that was never seen before gets the next."""
+        if name not in self.names:
+            self.names.append(name)
+            self._begun = np.pad(self._begun, (0, 1))
+            self._lasted_s = np.pad(self._lasted_s, (0, 1))
+            self._changes = np.pad(self._changes, (0, 1))
+        return self.names.index(name)
+
+    def count_begun(self, name: str) -> None:
+        """Count the track of an artefact that begins with a behaviour."""
+        number = self.number(name)  # which may widen the counts
+        self._begun[number] += 1.0
+
+    def count_time(self, before: str, after: str, dt_s: float) -> None:
+        """Count the time that a behaviour has lasted, and its change into another one."""
+        was, became = self.number(before), self.number(after)
+        self._lasted_s[was] += dt_s
+        self._changes[was, became] += was != became
+
+    def predict(self, beliefs: Iterable[Belief], dt_s: float) -> None:
+        """Carry beliefs on for a time in which nobody looks."""
+        from scipy.linalg import expm
+
+        transition = expm(self.rates() * dt_s)
+        for belief in beliefs:
+            belief.widen(len(self.names))
+            belief.probabilities = belief.probabilities @ transition
+
+    def rates(self) -> Floats:
+        """Return the rates (B, B) [1/s] of the process: rows sum to 0.
+
+        A behaviour ends at the rate (changes + 1) / (time + mean life), and the one that follows
+        has the share of its changes, begun with one change that is spread over all.
         """
-        count = len(self._classes)
-        if count == 1:
-            return
-        named = self._classes.index(true_class)
-        uniform, shift = generator.random(), int(generator.integers(1, count))
-        named = named if uniform < accuracy else (named + shift) % count
-        other = (1.0 - accuracy) / (count - 1)
-        likelihoods = [accuracy if k == named else other for k in range(count)]
-        joint = [p * q for p, q in zip(self._probabilities, likelihoods, strict=True)]
-        total = math.fsum(joint)
-        self._probabilities = [p / total for p in joint]
+        count = len(self.names)
+        others = (1.0 - np.eye(count)) / max(count - 1, 1)
+        rates: Floats = (self._changes + others) / (self._lasted_s + self._mean_life_s)[:, None]
+        rates -= np.diag(rates.sum(axis=1))
+        return rates
 
-    def ranked(self) -> tuple[tuple[str, ...], tuple[float, ...]]:
-        """Return the possible classes and their probabilities, the most probable first."""
-        both = zip(self._classes, self._probabilities, strict=True)
-        order = sorted((-p, k, name) for k, (name, p) in enumerate(both) if p > 0.0)
-        return tuple(name for _, _, name in order), tuple(-p for p, _, _ in order)
+
+def behaviour_shares(rows: Sequence[CatalogueRow], probabilities: Floats) -> dict[str, float]:
+    """Return the shares of the behaviours of a catalogue whose rows have these probabilities."""
+    shares: dict[str, float] = {}
+    for row, probability in zip(rows, probabilities.tolist(), strict=True):
+        total = sum(row.behaviours.values())
+        for name, weight in row.behaviours.items():
+            shares[name] = shares.get(name, 0.0) + probability * weight / total
+    return shares

@@ -7,13 +7,18 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.builder.certainty.behaviour import BehaviourLaw, behaviour_shares
-from are_ros.builder.certainty.belief import Census
-from are_ros.builder.certainty.body import Body, boxes_at
+from are_ros.builder.certainty.belief import BehaviourLaw, Belief, Census, behaviour_shares
 from are_ros.builder.certainty.false_alarms import FalseAlarm, FalseAlarms
 from are_ros.builder.certainty.perception import Delay, Perception, View
-from are_ros.builder.certainty.track import Track, predicted_paths
-from are_ros.builder.certainty.tracking_error import Floats, Process, TrackingError
+from are_ros.builder.certainty.track import (
+    Body,
+    Floats,
+    Process,
+    Track,
+    TrackingError,
+    boxes_at,
+    predicted_paths,
+)
 from are_ros.builder.observation import Sighting, joined
 from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S, seconds_to_ns
@@ -177,12 +182,10 @@ class Detector:
         track.seen_ns = now_ns
         if self._tells_behaviours:
             self._look_at_behaviour(track, now_ns)
-        wait_ns = seconds_to_ns(self._settings.class_time)
-        if track.classified_ns is None or now_ns - track.classified_ns >= wait_ns:
-            track.classified_ns = now_ns
+        if _is_due(track.classes, now_ns, self._settings.class_time):
             draws = self._streams.of(Purpose.CLASSIFICATION, track.artefact_id)
-            true_class, accuracy = track.body.row.class_name, self._settings.class_accuracy
-            track.classes.look(draws, true_class, accuracy)
+            number = self._census.classes.index(track.body.row.class_name)
+            track.classes.look(draws, number, self._settings.class_accuracy, now_ns)
 
     def _look_at_behaviour(self, track: Track, now_ns: int) -> None:
         """Look at what a detected body does, if it is time."""
@@ -191,8 +194,7 @@ class Detector:
             track.behaviours = self._behaviours.belief()
             if truth:
                 self._behaviours.count_begun(truth)
-        looked_ns = track.behaviours.looked_ns
-        if looked_ns is None or now_ns - looked_ns >= seconds_to_ns(settings.behaviour_time):
+        if _is_due(track.behaviours, now_ns, settings.behaviour_time):
             draws = self._streams.of(Purpose.INTENT, track.artefact_id)
             number = self._behaviours.number(truth) if truth else None
             track.behaviours.widen(len(self._behaviours.names))
@@ -227,9 +229,14 @@ class Detector:
         boxes = boxes_at([track.estimate for track in tracks], [t.body.shape for t in tracks])
         paths = predicted_paths(tracks, settings) if self.predicts else None
         names = self._behaviours.names if self._tells_behaviours else ()
-        reports = tuple(track.report(names) for track in tracks)
+        reports = tuple(track.report(self._census.classes, names) for track in tracks)
         step_ns = seconds_to_ns(settings.prediction_step)
         return Perception(now_ns, reports, boxes, paths, step_ns)
+
+
+def _is_due(belief: Belief, now_ns: int, wait_s: float) -> bool:
+    """Tell whether it is time for the next look, or for the first one."""
+    return belief.looked_ns is None or now_ns - belief.looked_ns >= seconds_to_ns(wait_s)
 
 
 class _Streams:

@@ -1,20 +1,160 @@
-"""One track: what a detector and a tracker know of one body, and where it will be by that."""
+"""One track: what it follows, its error, what is known of it, and where it will be by that.
+
+The error is that of a Kalman filter whose model is right. The artefacts do not move as a filter
+believes, so the errors of a real filter on them would not have the covariance that it states. Here
+the error itself is the random process: it is driven by the noise of the model and of the
+detections, and its covariance is the filter's own. So an estimate is the truth plus an error that
+is normal with exactly the stated covariance, at every instant, and correlated in time as a
+tracker's is.
+"""
 
 import math
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros.agents.events import PerceivedArtefact, PredictedPath
-from are_ros.builder.certainty.behaviour import BehaviourBelief
-from are_ros.builder.certainty.belief import ClassBelief, Existence
-from are_ros.builder.certainty.body import Body, Motion
-from are_ros.builder.certainty.tracking_error import AXES, Floats, Process, TrackingError
+from are_ros.builder.certainty.belief import Belief, Existence
 from are_ros.builder.observation import Sighting
+from are_ros.builder.scene import Scene
+from are_ros.conventions import NS_PER_S
 from are_ros.parameters.model import CertaintyParameters
+from are_ros.population.artefact import shape_of
+from are_ros.population.catalogue import CatalogueRow
+from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
+
+Motion = Sequence[float]
+"""x, y, z [m] and yaw [rad] on the ground in the map frame, the rates of x, y [m/s] and yaw."""
+
+Shape = tuple[float, float, float, float, float]
+"""Half sizes of the box, and its centre's x, y in F_A [m]."""
+
+
+class Body(NamedTuple):
+    """A body of a row's type with its motion as of `at_ns`; F_A is `height_m` above the ground.
+
+    `behaviour` is what an artefact does; a false alarm does nothing.
+    """
+
+    row: CatalogueRow
+    shape: Shape
+    height_m: float
+    motion: Motion
+    at_ns: int
+    behaviour: str = ""
+
+    @classmethod
+    def of_scene(cls, scene: Scene, k: int, at_ns: int) -> "Body":
+        """Return artefact k of a scene."""
+        row, motion = scene.rows[k], scene.motions[k].tolist()
+        behaviour = scene.status[k][1]
+        return cls(row, shape_of(row), row.com_height_m, motion, at_ns, behaviour)
+
+    @classmethod
+    def box(cls, row: CatalogueRow, motion: Motion, at_ns: int) -> "Body":
+        """Return a box of a row's size; its F_A sits in the middle."""
+        half_x_m, half_y_m, half_z_m = (0.5 * side_m for side_m in row.size_m)
+        return cls(row, (half_x_m, half_y_m, half_z_m, 0.0, 0.0), half_z_m, motion, at_ns)
+
+    def coasted(self, now_ns: int) -> "Body":
+        """Return the body after it has moved on in a straight line."""
+        dt_s = (now_ns - self.at_ns) / NS_PER_S
+        x, y, z, yaw, vx, vy, turn = self.motion
+        motion = (x + vx * dt_s, y + vy * dt_s, z, yaw, vx, vy, turn)
+        return self._replace(motion=motion, at_ns=now_ns)
+
+
+def boxes_at(
+    motions: Sequence[Sequence[float]] | npt.NDArray[np.float64], shapes: Sequence[Shape]
+) -> OrientedBoxes:
+    """Return the boxes of these shapes, N, whose bodies are where the motions (N, 7) say."""
+    poses = np.array(motions, dtype=np.float64).reshape(-1, 7)[:, :4]
+    return OrientedBoxes.standing(poses, np.array(shapes, dtype=np.float64).reshape(-1, 5))
+
+
+Floats = npt.NDArray[np.float64]
+
+AXES: Final = 3
+"""x, y and yaw; their rates follow in a state."""
+
+_UNIT: Final[Floats] = np.eye(2 * AXES)
+
+
+class TrackingError:
+    """The error (6,) of x, y [m], yaw [rad] and their rates in the map frame, and its covariance.
+
+    Factors L stand for covariances L L^T. All draws come from `generator`.
+    """
+
+    def __init__(self, generator: np.random.Generator, detection: Floats, rates: Floats) -> None:
+        """Begin a track with a detection: factors (3, 3) of its noise and of the unknown rates."""
+        self._generator = generator
+        factor = np.zeros((2 * AXES, 2 * AXES))
+        factor[:AXES, :AXES], factor[AXES:, AXES:] = detection, rates
+        self.error: Floats = factor @ generator.standard_normal(2 * AXES)
+        self.covariance: Floats = factor @ factor.T
+
+    def predict(self, process: "Process") -> None:
+        """Go on by the time of a process."""
+        drawn = process.noise @ self._generator.standard_normal(2 * AXES)
+        self.error = process.step @ self.error + drawn
+        self.covariance = process.grown(self.covariance)
+
+    def correct(self, detection: Floats) -> None:
+        """Take a detection whose noise has this factor (3, 3)."""
+        noise = detection @ detection.T
+        innovation = self.covariance[:AXES, :AXES] + noise
+        gain = self.covariance[:, :AXES] @ _inverse(innovation, detection)
+        drawn = detection @ self._generator.standard_normal(AXES)
+        self.error = self.error + gain @ (drawn - self.error[:AXES])
+        kept = _UNIT.copy()
+        kept[:, :AXES] -= gain
+        self.covariance = kept @ self.covariance @ kept.T + gain @ noise @ gain.T
+
+
+class Process(NamedTuple):
+    """What a time does to a state (6,): `step` (6, 6) carries it on at constant rates.
+
+    `noise` (6, 6) is a factor of what white noise as accelerations adds.
+    """
+
+    step: Floats
+    noise: Floats
+
+    @classmethod
+    def of(cls, settings: CertaintyParameters, dt_s: float) -> "Process":
+        """Return the process of a time.
+
+        Per axis, noise of density q adds q^2 ((dt^3 / 3, dt^2 / 2), (dt^2 / 2, dt)): however a time
+        is cut into steps, the law is the same.
+        """
+        moves, turns = settings.acceleration, settings.turn_acceleration
+        densities = math.sqrt(dt_s) * np.diag((moves, moves, turns))
+        step, noise = _UNIT.copy(), np.zeros((2 * AXES, 2 * AXES))
+        step[:AXES, AXES:] = dt_s * _UNIT[:AXES, :AXES]
+        noise[:AXES, :AXES] = densities * dt_s / math.sqrt(3.0)
+        noise[AXES:, :AXES] = densities * math.sqrt(0.75)
+        noise[AXES:, AXES:] = densities * 0.5
+        return cls(step, noise)
+
+    def grown(self, covariance: Floats) -> Floats:
+        """Return what a covariance (6, 6), or each of (N, 6, 6), has become after the time."""
+        grown: Floats = self.step @ covariance @ self.step.T + self.noise @ self.noise.T
+        return grown
+
+
+def _inverse(innovation: Floats, detection: Floats) -> Floats:
+    """Return the inverse; the pseudo-inverse where a component is detected without any noise.
+
+    Such a component may be known exactly, and is then not corrected.
+    """
+    if np.linalg.det(detection):
+        return np.asarray(np.linalg.inv(innovation), np.float64)
+    return np.asarray(np.linalg.pinv(innovation, hermitian=True), np.float64)
+
 
 _PLANAR: Final = np.ix_((0, 1, 5), (0, 1, 5))
 """Where x, y and the rotation about z stand in a covariance (6, 6) of ROS."""
@@ -32,7 +172,7 @@ class Track:
         body: Body,
         error: TrackingError,
         existence: Existence,
-        classes: ClassBelief,
+        classes: Belief,
     ) -> None:
         self.artefact_id = artefact_id
         self.body = body
@@ -41,8 +181,7 @@ class Track:
         self.classes = classes
         self.sighting = Sighting(0, 0, (0, 0, 0, 0), math.inf)
         self.seen_ns = 0
-        self.classified_ns: int | None = None
-        self.behaviours: BehaviourBelief | None = None
+        self.behaviours: Belief | None = None
 
     @property
     def estimate(self) -> Motion:
@@ -53,14 +192,16 @@ class Track:
         dx, dy, dyaw, dvx, dvy, dturn = self.error.error.tolist()
         return (x + dx, y + dy, z, yaw + dyaw, vx + dvx, vy + dvy, turn + dturn)
 
-    def report(self, behaviour_names: Sequence[str] = ()) -> PerceivedArtefact:
+    def report(
+        self, class_names: Sequence[str], behaviour_names: Sequence[str] = ()
+    ) -> PerceivedArtefact:
         """Return what is known, for the list; of behaviours if their names are given.
 
         The twist is in the axes of the estimated pose: the errors of its velocity do not depend on
         that of the heading.
         """
         x, y, z, yaw, vx, vy, turn = self.estimate
-        classes, probabilities = self.classes.ranked()
+        classes, probabilities = self.classes.ranked(class_names)
         behaviours: tuple[tuple[str, ...], tuple[float, ...]] = (), ()
         if behaviour_names and self.behaviours is not None:
             behaviours = self.behaviours.ranked(behaviour_names)

@@ -19,7 +19,6 @@ from are_ros.builder.costmap.registration import (
     rectangles,
 )
 from are_ros.conventions import NS_PER_S, OCCUPIED
-from are_ros.errors import InputError, ParameterError
 from are_ros.world.environment import Environment
 from are_ros.world.occupancy_grid import OccupancyGrid
 
@@ -57,13 +56,10 @@ class ChangedRectangle:
 class AugmentedMap:
     """A real map with artefacts in it: byte-equal to it outside their cells, 100 inside.
 
-    Nothing is inflated, for Nav2 reads 1..99 as free. InputError if the real cells are no grid
-    (h, w) of int8; they are copied.
+    Nothing is inflated, for Nav2 reads 1..99 as free. The real cells (h, w) are copied.
     """
 
     def __init__(self, real: Cells) -> None:
-        if real.ndim != 2 or real.dtype != np.int8:
-            raise InputError(f"map: cells of shape {real.shape} and type {real.dtype}, not a grid")
         self._shape = (real.shape[0], real.shape[1])
         self._real, self._next, self._cells = real.copy(), real.copy(), real.copy()
         self._changed: ChangedRectangle | None = ChangedRectangle(0, 0, *self._shape)
@@ -114,10 +110,7 @@ class AugmentedMap:
 
 
 class RateLimit:
-    """Lets changes out at most `max_rate_hz` times a second of the ticks' time, and loses none.
-
-    ParameterError if the rate is not positive and finite.
-    """
+    """Lets changes out at most `max_rate_hz` times a second of the ticks' time, and loses none."""
 
     def __init__(self, max_rate_hz: float) -> None:
         self.set_rate(max_rate_hz)
@@ -126,8 +119,6 @@ class RateLimit:
 
     def set_rate(self, max_rate_hz: float) -> None:
         """Let another rate hold from now on; a change that waits goes on waiting."""
-        if not 0.0 < max_rate_hz < math.inf:
-            raise ParameterError(f"max_rate {max_rate_hz} Hz is not positive and finite")
         self._interval_ns = math.ceil(NS_PER_S / max_rate_hz)
 
     def allows(self, now_ns: int, changed: bool, at_once: bool = False) -> bool:
@@ -137,13 +128,11 @@ class RateLimit:
         that is `at_once`. A clock that jumped back starts a new interval.
         """
         self._is_pending |= changed
-        if not self._is_pending or (self._is_early(now_ns) and not at_once):
+        is_early = self._last_ns is not None and 0 <= now_ns - self._last_ns < self._interval_ns
+        if not self._is_pending or (is_early and not at_once):
             return False
         self._last_ns, self._is_pending = now_ns, False
         return True
-
-    def _is_early(self, now_ns: int) -> bool:
-        return self._last_ns is not None and 0 <= now_ns - self._last_ns < self._interval_ns
 
 
 @compiled
@@ -279,12 +268,10 @@ class GateMemory:
     """Admits the perceived, and for a while those that were: the paper's A_f at memory 0.
 
     An artefact last perceived at t is admitted while now - t <= `memory_ns`; the end is included,
-    so that a memory of 0 means only now. ParameterError if the memory is negative.
+    so that a memory of 0 means only now.
     """
 
     def __init__(self, memory_ns: int) -> None:
-        if memory_ns < 0:
-            raise ParameterError(f"costmap.memory of {memory_ns} ns is negative")
         self._memory_ns = memory_ns
         self._last_seen_ns: dict[int, int] = {}
         self._now_ns: int | None = None

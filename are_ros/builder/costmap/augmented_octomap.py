@@ -124,11 +124,7 @@ def surface_voxels(box: _Floats, triangles: _Floats, voxels: VoxelMap) -> _Voxel
     `box` is a row of `OrientedBoxes.packed`; triangles (T, 9), each a corner and two edges [m], are
     in its frame. The voxels may lie outside the map's array. `unpacked` gives the indices.
     """
-    lattice = voxels.map_from_lattice
-    cosine, sine = cosine_and_sine(lattice.rotation_xyzw)
-    x, y, z = lattice.translation_m.tolist()
-    frame = np.array((x, y, z, cosine, sine, *voxels.voxel_size_m))
-    return _surface_voxels(box, triangles, frame, voxels.occupied)
+    return _surface_voxels(_in_voxels(box, triangles, voxels), voxels.occupied)
 
 
 def unpacked(packed: _Voxels) -> _Voxels:
@@ -143,12 +139,28 @@ def _centres_m(packed: _Voxels, voxels: VoxelMap) -> NDArray[np.float32]:
     return voxels.map_from_lattice.apply(local).astype(np.float32)
 
 
+def _in_voxels(box: _Floats, triangles: _Floats, voxels: VoxelMap) -> _Floats:
+    """Return the corners (T, 9) of triangles on the lattice, in voxels, shrunk a little."""
+    lattice = voxels.map_from_lattice
+    turn, (x0, y0, z0) = cosine_and_sine(lattice.rotation_xyzw), lattice.translation_m
+    c, s = box[3] * turn[0] + box[4] * turn[1], box[4] * turn[0] - box[3] * turn[1]
+    dx, dy = box[0] - x0, box[1] - y0
+    x, y = dx * turn[0] + dy * turn[1], dy * turn[0] - dx * turn[1]
+    corners = triangles.reshape(-1, 3, 3).copy()
+    corners[:, 1:] += corners[:, :1]
+    shrink_m = np.minimum(TOUCH_TOLERANCE_M / np.maximum(box[5:], TOUCH_TOLERANCE_M), 1.0)
+    px, py, pz = (corners * (1.0 - shrink_m)).transpose(2, 0, 1)
+    placed = np.stack((x + px * c - py * s, y + px * s + py * c, box[2] - z0 + pz), axis=2)
+    in_voxels: _Floats = placed / np.array(voxels.voxel_size_m)
+    return in_voxels.reshape(-1, 9)
+
+
 @compiled
-def _surface_voxels(
-    box: _Floats, triangles: _Floats, frame: _Floats, occupied: NDArray[np.uint8]
-) -> _Voxels:
-    """Return the packed voxels; `frame` is x, y, z, cos, sin of the lattice and three sizes."""
-    corners = _in_voxels(box, triangles, frame)
+def _surface_voxels(corners: _Floats, occupied: NDArray[np.uint8]) -> _Voxels:
+    """Return the packed voxels that triangles (T, 9) meet, the occupied ones left out.
+
+    In the order of their indices.
+    """
     low, high = np.empty(3, np.int64), np.empty(3, np.int64)
     for axis in range(3):
         low[axis] = np.int64(np.floor(corners[:, axis::3].min()))
@@ -156,33 +168,21 @@ def _surface_voxels(
     marks = np.zeros((high[0] - low[0] + 1, high[1] - low[1] + 1, high[2] - low[2] + 1), np.uint8)
     for t in range(corners.shape[0]):
         _mark(corners[t], low, marks)
-    return _collected(marks, low, occupied)
-
-
-@compiled
-def _in_voxels(box: _Floats, triangles: _Floats, frame: _Floats) -> _Floats:
-    """Return the corners (T, 9) of triangles on the lattice, in voxels, shrunk a little."""
-    c = box[3] * frame[3] + box[4] * frame[4]
-    s = box[4] * frame[3] - box[3] * frame[4]
-    dx, dy = box[0] - frame[0], box[1] - frame[1]
-    x, y = dx * frame[3] + dy * frame[4], dy * frame[3] - dx * frame[4]
-    z = box[2] - frame[2]
-    shrink = np.empty(3)
-    for axis in range(3):
-        shrink[axis] = 1.0 - min(TOUCH_TOLERANCE_M / max(box[5 + axis], TOUCH_TOLERANCE_M), 1.0)
-    corners = np.empty((triangles.shape[0], 9))
-    for t in range(triangles.shape[0]):
-        for k in range(3):
-            px, py, pz = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-            if k > 0:
-                px += triangles[t, 3 * k]
-                py += triangles[t, 3 * k + 1]
-                pz += triangles[t, 3 * k + 2]
-            px, py, pz = px * shrink[0], py * shrink[1], pz * shrink[2]
-            corners[t, 3 * k] = (x + px * c - py * s) / frame[5]
-            corners[t, 3 * k + 1] = (y + px * s + py * c) / frame[6]
-            corners[t, 3 * k + 2] = (z + pz) / frame[7]
-    return corners
+    nx, ny, nz = occupied.shape
+    found = np.empty(np.count_nonzero(marks), np.int64)
+    count = 0
+    for i in range(marks.shape[0]):
+        for j in range(marks.shape[1]):
+            for k in range(marks.shape[2]):
+                if not marks[i, j, k]:
+                    continue
+                x, y, z = i + low[0], j + low[1], k + low[2]
+                inside = 0 <= x < nx and 0 <= y < ny and 0 <= z < nz
+                if inside and occupied[x, y, z]:
+                    continue
+                found[count] = (((x + _HALF) << _BITS) + y + _HALF << _BITS) + z + _HALF
+                count += 1
+    return found[:count]
 
 
 @compiled
@@ -245,23 +245,3 @@ def _meets_square(corners: _Floats, u: int, v: int, i: int, j: int) -> bool:
         if min(here, there) > reach or max(here, there) < -reach:
             return False
     return True
-
-
-@compiled
-def _collected(marks: NDArray[np.uint8], low: _Voxels, occupied: NDArray[np.uint8]) -> _Voxels:
-    """Return the marked voxels that are not occupied, packed, in the order of their indices."""
-    nx, ny, nz = occupied.shape
-    found = np.empty(np.count_nonzero(marks), np.int64)
-    count = 0
-    for i in range(marks.shape[0]):
-        for j in range(marks.shape[1]):
-            for k in range(marks.shape[2]):
-                if not marks[i, j, k]:
-                    continue
-                x, y, z = i + low[0], j + low[1], k + low[2]
-                inside = 0 <= x < nx and 0 <= y < ny and 0 <= z < nz
-                if inside and occupied[x, y, z]:
-                    continue
-                found[count] = (((x + _HALF) << _BITS) + y + _HALF << _BITS) + z + _HALF
-                count += 1
-    return found[:count]

@@ -10,7 +10,6 @@ import numpy.typing as npt
 from are_ros._compiled import compiled
 from are_ros.builder.costmap.registration import CellPatch, MaskKey, PatchChanges, rectangles
 from are_ros.conventions import OCCUPIED, UNKNOWN
-from are_ros.errors import InputError, ParameterError
 
 Costs = npt.NDArray[np.uint8]
 Mask = npt.NDArray[np.bool_]
@@ -171,28 +170,23 @@ class InflatedCostmap:
 
     The cost falls with distance, so the maximum over the static layer and one patch per artefact is
     the inflation of all obstacles together; an update touches only the patches that moved.
-    ParameterError if a number is negative or not finite. Before the first map it has no cells.
+    Before the first map it has no cells.
     """
 
     def __init__(
         self, inflation_radius_m: float, cost_scaling_factor: float, inscribed_radius_m: float
     ) -> None:
-        self._inflation_radius_m = _checked("the inflation radius", inflation_radius_m)
-        self._cost_scaling_factor = _checked("the cost scaling factor", cost_scaling_factor)
-        self._inscribed_radius_m = _checked("the inscribed radius", inscribed_radius_m)
+        self._inflation_radius_m = inflation_radius_m
+        self._cost_scaling_factor = cost_scaling_factor
+        self._inscribed_radius_m = inscribed_radius_m
         self._scaled = published_by_cost()
         self.set_map(np.zeros((0, 0), np.bool_), np.zeros((0, 0), np.bool_), 1.0)
 
     def set_map(self, occupied: Mask, unknown: Mask, resolution_m: float) -> None:
         """Inflate a new real map: bool (h, w) both, `resolution_m` the side of a cell [m].
 
-        The artefacts are gone until the next update, which reports a change. InputError if the
-        shapes differ or the resolution is no positive length; the old map stays then.
+        The artefacts are gone until the next update, which reports a change.
         """
-        if occupied.ndim != 2 or occupied.shape != unknown.shape:
-            raise InputError(f"map: masks of shapes {occupied.shape} and {unknown.shape} differ")
-        if not 0.0 < resolution_m < math.inf:
-            raise InputError(f"map: the resolution {resolution_m} m is no positive length")
         self._radius_cells, self._cost_of_d2 = self._table(resolution_m, sum(occupied.shape))
         self._static = inflated(occupied, self._cost_of_d2, self._radius_cells, 0)
         self._static[unknown & (self._static < INSCRIBED)] = NO_INFORMATION
@@ -222,7 +216,9 @@ class InflatedCostmap:
         entered = rectangles(changes.arrived, margin, shape)
         self._inflate_masks((*changes.arrived, *changes.standing))
         restore(self._costs, self._static, vacated)
-        self._stamp(changes.to_stamp(margin, shape))
+        for each in changes.to_stamp(margin, shape):
+            patch = self._inflated[each.key]
+            stamp(self._costs, patch, each.row0 - margin, each.col0 - margin)
         places = np.concatenate((vacated, entered))
         changed = publish(self._costs, self._scaled, self._published, places)
         was_new, self._is_new = self._is_new, False
@@ -237,12 +233,6 @@ class InflatedCostmap:
                 margin = self._radius_cells
                 costs = inflated(each.mask, self._cost_of_d2, margin, margin)
             self._inflated[each.key] = before[each.key] = costs
-
-    def _stamp(self, placed: Iterable[CellPatch]) -> None:
-        margin = self._radius_cells
-        for each in placed:
-            patch = self._inflated[each.key]
-            stamp(self._costs, patch, each.row0 - margin, each.col0 - margin)
 
     @property
     def costs(self) -> Costs:
@@ -279,9 +269,3 @@ def published_by_cost() -> Published:
     scaled[0] = 0
     scaled[INSCRIBED], scaled[LETHAL], scaled[NO_INFORMATION] = OCCUPIED - 1, OCCUPIED, UNKNOWN
     return scaled
-
-
-def _checked(name: str, value: float) -> float:
-    if not 0.0 <= value < math.inf:
-        raise ParameterError(f"costmap: {name} {value} is negative or not finite")
-    return value

@@ -174,21 +174,15 @@ def _shared_fields(given: Fields) -> dict[str, Any]:
         factor = shared["motion"].running_factor
         given.refuse("motion.running_factor", f"is {factor:g}, but must be >= 1")
     if "slip" in given:
-        shared["slip"] = _slip(given)
+        shared["slip"] = given.number("slip")
+        if shared["slip"] > 1.0:
+            given.refuse("slip", f"is {shared['slip']:g}, but must be at most 1")
     if "behaviours" in given:
         shared["behaviours"] = _shares(given, "behaviours", BEHAVIOURS, why_not)
     if "planners" in given:
         shared["planners"] = _shares(given, "planners", PLANNERS, why_no_planner)
     shared["features"] = _features(given)
     return shared
-
-
-def _slip(given: Fields) -> float:
-    """Return the probability that a move does not succeed."""
-    slip = given.number("slip")
-    if slip > 1.0:
-        given.refuse("slip", f"is {slip:g}, but must be at most 1")
-    return slip
 
 
 def _shares(

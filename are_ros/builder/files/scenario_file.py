@@ -8,7 +8,7 @@ import math
 from array import array
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from decimal import Decimal
 from functools import partial
 from pathlib import Path
@@ -70,18 +70,11 @@ def read_tracks(path: Path) -> dict[str, Track]:
         raise ScenarioError(f"{path} cannot be read ({reason})") from cause
 
 
-@dataclass(eq=False, slots=True)
-class _Reading:
-    """The poses of one artefact so far."""
-
-    times_ns: "array[int]" = field(default_factory=lambda: array("q"))
-    numbers: "array[float]" = field(default_factory=lambda: array("d"))
-
-
 def _read(path: Path, lines: Iterator[list[str]]) -> dict[str, Track]:
     names = [name.strip() for name in next(lines, [])]
     _check_columns(path, names)
-    readings: defaultdict[str, _Reading] = defaultdict(_Reading)
+    times_ns: defaultdict[str, array[int]] = defaultdict(lambda: array("q"))
+    numbers: defaultdict[str, array[float]] = defaultdict(lambda: array("d"))
     for number, line in enumerate(lines, start=2):
         if not line:
             continue
@@ -89,20 +82,19 @@ def _read(path: Path, lines: Iterator[list[str]]) -> dict[str, Track]:
         if len(line) != len(names):
             raise ScenarioError(f"{place}: it has {len(line)} cells, the first line {len(names)}")
         cells = dict(zip(names, line, strict=True))
-        reading = readings[cells.get(_KEY, "")]
+        key = cells.get(_KEY, "")
         try:
-            reading.times_ns.append(_seconds_of_cell(cells[_TIME]))
-            reading.numbers.extend([_number(column, cells[column]) for column in _POSE])
+            times_ns[key].append(_seconds_of_cell(cells[_TIME]))
+            numbers[key].extend([_number(column, cells[column]) for column in _POSE])
         except ValueError as cause:
             raise ScenarioError(f"{place}: {cause}") from cause
-    return {key: _read_track(path, key, reading) for key, reading in readings.items()}
+    return {key: _read_track(path, key, times_ns[key], numbers[key]) for key in times_ns}
 
 
-def _read_track(path: Path, key: str, reading: _Reading) -> Track:
+def _read_track(path: Path, key: str, times_ns: "array[int]", numbers: "array[float]") -> Track:
     """Return the track of one artefact; ScenarioError where its poses are no track."""
-    poses = np.array(reading.numbers).reshape(-1, len(_POSE))
     try:
-        return Track(np.array(reading.times_ns), poses)
+        return Track(np.array(times_ns), np.array(numbers).reshape(-1, len(_POSE)))
     except ScenarioError as cause:
         artefact = f", artefact {key}" if key else ""
         raise ScenarioError(f"{path}{artefact}: {cause}") from cause

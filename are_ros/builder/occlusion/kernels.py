@@ -50,16 +50,19 @@ class Voxels(NamedTuple):
     voxels_per_m: npt.NDArray[np.float32]
 
 
-class Tallies(NamedTuple):
-    """What is counted per box.
+class Visibility(NamedTuple):
+    """What a camera sees of N artefacts; all arrays are read-only in the end.
 
-    Visible and unoccluded pixels int64 (N,); the visible rectangle int64 (N, 4), least and greatest
-    x and y; the nearest visible distance [m] float32 (N,).
+    `visible_pixels` int64 (N,): pixels where the artefact is seen; it is in A_f where they exceed
+    tau. `unoccluded_pixels` int64 (N,): pixels where its box is met within the range, whatever
+    stands before it. `rois` int64 (N, 4): x, y, width, height of the rectangle around the visible
+    pixels, zeros if there is none; in the kernels its least and greatest x and y. `nearest_m`
+    float32 (N,): least distance [m] among the visible pixels, inf if there is none.
     """
 
-    visible: npt.NDArray[np.int64]
-    unoccluded: npt.NDArray[np.int64]
-    bounds: npt.NDArray[np.int64]
+    visible_pixels: npt.NDArray[np.int64]
+    unoccluded_pixels: npt.NDArray[np.int64]
+    rois: npt.NDArray[np.int64]
     nearest_m: npt.NDArray[np.float32]
 
 
@@ -173,7 +176,7 @@ def measure_boxes(
     by_mesh: bool,
     max_range_m: np.float32,
     count: int,
-    tallies: Tallies,
+    tallies: Visibility,
     scratch: Scratch,
 ) -> int:
     """Fill Z_a of each candidate; drop those that no ray meets, and return how many are left.
@@ -220,7 +223,7 @@ def measure_boxes(
                 met = np.int32(met + hit)
         if by_mesh and met > 0 and boxes.meshes[box] >= 0:
             met = _replace_by_mesh(boxes, tree, box, axis, spread, max_range_m, depths, scratch)
-        tallies.unoccluded[box] += met
+        tallies.unoccluded_pixels[box] += met
         scratch.candidates[kept] = box
         kept += met > 0
     return kept
@@ -277,7 +280,19 @@ def hide_behind_others(
             front[pixel] = min(front[pixel], depth[pixel])
     if meshes > 0:
         _lower_to_meshes(boxes, tree, axis, spread, count, scratch)
-    return _drop_hidden(count, scratch)
+    kept = 0
+    for candidate in range(count):
+        depth, seen = depths[candidate], np.int32(0)
+        for pixel in range(PIXELS):
+            is_seen = (depth[pixel] <= front[pixel] + TIE_M) & (depth[pixel] < INFINITE)
+            depth[pixel] = depth[pixel] if is_seen else INFINITE
+            seen = np.int32(seen + is_seen)
+        if seen > 0:
+            scratch.candidates[kept] = scratch.candidates[candidate]
+            for pixel in range(PIXELS if kept < candidate else 0):
+                depths[kept, pixel] = depth[pixel]
+            kept += 1
+    return kept
 
 
 @borrowing
@@ -329,24 +344,6 @@ def _matters(
     return bool(matters > 0)
 
 
-@inlined
-def _drop_hidden(count: int, scratch: Scratch) -> int:
-    """Set Z_a behind the front to inf, drop candidates without a pixel, return the rest's count."""
-    depths, front, kept = scratch.depths, scratch.front_m, 0
-    for candidate in range(count):
-        depth, seen = depths[candidate], np.int32(0)
-        for pixel in range(PIXELS):
-            is_seen = (depth[pixel] <= front[pixel] + TIE_M) & (depth[pixel] < INFINITE)
-            depth[pixel] = depth[pixel] if is_seen else INFINITE
-            seen = np.int32(seen + is_seen)
-        if seen > 0:
-            scratch.candidates[kept] = scratch.candidates[candidate]
-            for pixel in range(PIXELS if kept < candidate else 0):
-                depths[kept, pixel] = depth[pixel]
-            kept += 1
-    return kept
-
-
 @owning
 def _lower_to_mesh(
     boxes: Boxes,
@@ -383,7 +380,7 @@ def render(
     mutual: bool,
     by_mesh: bool,
     max_range_m: np.float32,
-    tallies: Tallies,
+    tallies: Visibility,
     scratch: Scratch,
 ) -> None:
     """Count, for each box, the pixels where it is met at all and those where it is seen.
@@ -555,7 +552,7 @@ def _farthest(count: int, scratch: Scratch) -> np.float32:
 
 @inlined
 def _tally(
-    first_pixel: npt.NDArray[np.int64], count: int, tallies: Tallies, scratch: Scratch
+    first_pixel: npt.NDArray[np.int64], count: int, tallies: Visibility, scratch: Scratch
 ) -> None:
     """Count the pixels of each box that the environment does not hide; keep rectangle and distance.
 
@@ -577,8 +574,8 @@ def _tally(
             right = max(right, x if is_seen else _BEFORE)
             bottom = max(bottom, y if is_seen else _BEFORE)
         if seen > 0:
-            tallies.visible[box] += seen
+            tallies.visible_pixels[box] += seen
             nearest_bits[box] = min(nearest_bits[box], nearest)
-            bounds, x0, y0 = tallies.bounds[box], first_pixel[0], first_pixel[1]
+            bounds, x0, y0 = tallies.rois[box], first_pixel[0], first_pixel[1]
             bounds[0], bounds[1] = min(bounds[0], x0 + left), min(bounds[1], y0 + top)
             bounds[2], bounds[3] = max(bounds[2], x0 + right), max(bounds[3], y0 + bottom)

@@ -22,11 +22,9 @@ _DEGENERATE: Final = 1e-300
 _FARTHEST: Final = 1e300
 """Every hit is nearer than this, and no miss is: misses are at infinity."""
 
-Tree = tuple[
-    npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.int64], npt.NDArray[np.int64]
-]
-"""Boxes (nodes, 6), triangles (M, 9), first node and level count and first triangle per mesh
-(meshes, 3), and the triangles' own numbers (M,); see `MeshPool`."""
+Tree = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.int64]]
+"""Boxes (nodes, 6), triangles (M, 9), and first node, level count and first triangle per mesh
+(meshes, 3); see `MeshPool`."""
 
 
 @compiled
@@ -40,19 +38,19 @@ def cast(
     dy: float,
     dz: float,
     limit_m: float,
-) -> tuple[float, int]:
-    """Return the first hit in [0, limit] along a unit ray, and its triangle; (inf, -1) if none.
+) -> float:
+    """Return the first hit in [0, limit] along a unit ray [m], inf if there is none.
 
     Origin and direction are in the frame of the mesh. Nodes lie as in a heap: the children of
     node i are 2 i + 1 and 2 i + 2, and all leaves are on the last level.
     """
-    boxes, triangles, meshes, numbers = tree
+    boxes, triangles, meshes = tree
     first_node, levels = meshes[mesh, 0], meshes[mesh, 1]
     first_leaf = (1 << levels) - 1
     ix, iy, iz = inverse(dx), inverse(dy), inverse(dz)
     waiting = np.empty(MAX_LEVELS, dtype=np.int64)
     waiting[0], count = 0, 1
-    best, triangle = min(limit_m, _FARTHEST), -1
+    best, is_hit = min(limit_m, _FARTHEST), False
     while count > 0:
         count -= 1
         node = waiting[count]
@@ -62,8 +60,8 @@ def cast(
             start = meshes[mesh, 2] + (node - first_leaf) * LEAF_TRIANGLES
             for index in range(start, start + LEAF_TRIANGLES):
                 t = _meet(triangles[index], ox, oy, oz, dx, dy, dz)
-                if t < best or (t == best and triangle < 0):
-                    best, triangle = t, numbers[index]
+                if t <= best:
+                    best, is_hit = t, True
             continue
         left, right = 2 * node + 1, 2 * node + 2
         left_m = enters(boxes[first_node + left], ox, oy, oz, ix, iy, iz)
@@ -75,7 +73,7 @@ def cast(
         if min(left_m, right_m) <= best:
             waiting[count] = near
             count += 1
-    return (best if triangle >= 0 else np.inf), triangle
+    return best if is_hit else np.inf
 
 
 @borrowing
@@ -142,7 +140,7 @@ def cast_tile(
     of the tile is farther than `grown_m` from the axis. A depth is in lengths of its ray. The
     precision is that of the rays.
     """
-    boxes, triangles, meshes, _ = tree
+    boxes, triangles, meshes = tree
     first_node, first_triangle = meshes[mesh, 0], meshes[mesh, 2]
     first_leaf = (1 << meshes[mesh, 1]) - 1
     ix, iy, iz = inverse(float(axis[0])), inverse(float(axis[1])), inverse(float(axis[2]))
@@ -217,12 +215,7 @@ class MeshPool:
         Raises InputError for a mesh without triangles, with a vertex that is not finite, or with an
         index that names no vertex.
         """
-        none = (
-            np.empty((0, 6)),
-            np.empty((0, 9)),
-            np.empty((0, 3), dtype=np.int64),
-            np.empty(0, dtype=np.int64),
-        )
+        none = np.empty((0, 6)), np.empty((0, 9)), np.empty((0, 3), dtype=np.int64)
         return cls(none).extended(meshes)
 
     def extended(
@@ -232,23 +225,16 @@ class MeshPool:
 
         Arguments and errors as in `of`.
         """
-        boxes, corners = [self.tree[0]], [self.tree[1]]
-        rows, numbers = [self.tree[2]], [self.tree[3]]
+        boxes, corners, rows = [self.tree[0]], [self.tree[1]], [self.tree[2]]
         node, triangle = len(self.tree[0]), len(self.tree[1])
         for number, mesh in enumerate(meshes, start=len(self)):
-            own_boxes, own_corners, own_numbers = _tree(number, *mesh)
+            own_boxes, own_corners = _tree(number, *mesh)
             row = (node, (len(own_boxes) + 1).bit_length() - 2, triangle)
             rows.append(np.array([row], dtype=np.int64))
             boxes.append(own_boxes)
             corners.append(own_corners)
-            numbers.append(own_numbers)
             node, triangle = node + len(own_boxes), triangle + len(own_corners)
-        tree = (
-            np.concatenate(boxes),
-            np.concatenate(corners),
-            np.concatenate(rows),
-            np.concatenate(numbers),
-        )
+        tree = np.concatenate(boxes), np.concatenate(corners), np.concatenate(rows)
         for array in tree:
             array.flags.writeable = False
         return MeshPool(tree)
@@ -268,23 +254,10 @@ _NO_MESHES: Final = MeshPool.of([])
 
 @dataclass(frozen=True, eq=False)
 class MeshSelection:
-    """Which mesh of a pool stands in each box: `indices` int64 (N,), -1 where the box itself does.
-
-    Raises InputError for an index outside the pool.
-    """
+    """Which mesh of a pool stands in each box: `indices` int64 (N,), -1 where it is the box."""
 
     pool: MeshPool
     indices: npt.NDArray[np.int64]
-
-    def __post_init__(self) -> None:
-        indices = np.ascontiguousarray(self.indices, dtype=np.int64).view()
-        indices.flags.writeable = False
-        object.__setattr__(self, "indices", indices)
-        outside = (self.indices < -1) | (self.indices >= len(self.pool))
-        if outside.any():
-            index = int(self.indices[outside][0])
-            message = f"mesh {index} is asked for, and the pool has {len(self.pool)}"
-            raise InputError(message)
 
     @classmethod
     def boxes_only(cls, count: int) -> "MeshSelection":
@@ -294,15 +267,14 @@ class MeshSelection:
 
 def _tree(
     number: int, vertices_m: npt.NDArray[np.floating], triangles: npt.NDArray[np.integer]
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.int64]]:
-    """Return boxes, (corner, edge, edge) and numbers of a mesh's triangles, in the tree's order."""
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Return boxes, and (corner, edge, edge) of a mesh's triangles, in the tree's order."""
     corners = _checked_corners(number, vertices_m, triangles)
     levels = max(0, (len(corners) - 1) // LEAF_TRIANGLES).bit_length()
-    order = _median_order(corners.mean(axis=1), levels)
-    ordered = corners[order]
+    ordered = corners[_median_order(corners.mean(axis=1), levels)]
     edges = ordered[:, 1:] - ordered[:, :1]
     flat = np.concatenate((ordered[:, 0], edges[:, 0], edges[:, 1]), axis=1)
-    return _heap_of_boxes(ordered, levels), flat, order
+    return _heap_of_boxes(ordered, levels), flat
 
 
 def _checked_corners(

@@ -46,33 +46,20 @@ def aligned(*shape: int) -> npt.NDArray[np.float32]:
     return room[first : first + size].reshape(shape)
 
 
-@dataclass(frozen=True, eq=False)
-class TiledRays:
-    """The rays (H, W, 3) of a view, in the optical frame, ready for the occlusion kernel."""
+def tiled(directions: npt.NDArray[np.float32]) -> Tiles:
+    """Return the unit rays (H, W, 3) of a view, zero where a pixel has none, in tiles.
 
-    tiles: Tiles
-
-    @classmethod
-    def of(cls, directions: npt.NDArray[np.float32]) -> "TiledRays":
-        """Return unit rays (H, W, 3), zero where a pixel has none, in tiles."""
-        rows, columns = -(-directions.shape[0] // TILE), -(-directions.shape[1] // TILE)
-        padded = np.zeros((rows * TILE, columns * TILE, 3), dtype=np.float32)
-        padded[: directions.shape[0], : directions.shape[1]] = directions
-        blocks = padded.reshape(rows, TILE, columns, TILE, 3).transpose(0, 2, 4, 1, 3)
-        rays = np.ascontiguousarray(blocks).reshape(rows * columns, 3, PIXELS)
-        valid = np.any(rays != 0.0, axis=1)
-        y, x = np.divmod(np.arange(rows * columns), columns)
-        first_pixels = np.stack((x, y), axis=1) * TILE
-        used = valid.any(axis=1)
-        return cls(_with_cones(rays[used], valid[used], first_pixels[used]))
-
-
-def _with_cones(
-    rays: npt.NDArray[np.float32],
-    valid: npt.NDArray[np.bool_],
-    first_pixels: npt.NDArray[np.int64],
-) -> Tiles:
-    """Return tiles with axes through their mean ray; the spread has room for rounding."""
+    Axes go through the mean ray; the spread has room for rounding.
+    """
+    rows, columns = -(-directions.shape[0] // TILE), -(-directions.shape[1] // TILE)
+    padded = np.zeros((rows * TILE, columns * TILE, 3), dtype=np.float32)
+    padded[: directions.shape[0], : directions.shape[1]] = directions
+    blocks = padded.reshape(rows, TILE, columns, TILE, 3).transpose(0, 2, 4, 1, 3)
+    rays = np.ascontiguousarray(blocks).reshape(rows * columns, 3, PIXELS)
+    used = rays.any(axis=(1, 2))
+    y, x = np.divmod(np.flatnonzero(used), columns)
+    rays = rays[used]
+    valid = np.any(rays != 0.0, axis=1)
     axes = rays.sum(axis=2, dtype=np.float64)
     axes /= np.maximum(np.linalg.norm(axes, axis=1, keepdims=True), 1e-12)
     apart = np.linalg.norm(rays - axes[:, :, np.newaxis], axis=1)
@@ -82,7 +69,7 @@ def _with_cones(
         valid.astype(np.uint8),
         axes.astype(np.float32),
         spreads.astype(np.float32),
-        first_pixels,
+        np.stack((x, y), axis=1) * TILE,
     )
 
 

@@ -1,15 +1,14 @@
 """Which artefacts a camera sees: Z_a against Z_S, pixel by pixel (equation 2 and A_f)."""
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import compiled
-from are_ros.builder.occlusion.kernels import Boxes, Scratch, Tallies, Voxels, render
+from are_ros.builder.occlusion.kernels import Boxes, Scratch, Visibility, Voxels, render
 from are_ros.builder.occlusion.meshes import MeshSelection
-from are_ros.builder.occlusion.rays import PIXELS, TiledRays, VoxelField, aligned
+from are_ros.builder.occlusion.rays import PIXELS, VoxelField, aligned, tiled
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.cameras import ViewModel
 from are_ros.world.rigid_transform import RigidTransform
@@ -18,23 +17,6 @@ _Floats = npt.NDArray[np.float32]
 
 _FARTHEST_M: Final = 1e30
 """In place of an endless range: misses are at infinity, and stay beyond it."""
-
-
-@dataclass(frozen=True, eq=False)
-class Visibility:
-    """What a camera sees of N artefacts; all arrays are read-only.
-
-    `visible_pixels` int64 (N,): pixels where the artefact is seen; it is in A_f where they exceed
-    tau. `unoccluded_pixels` int64 (N,): pixels where its box is met within the range, whatever
-    stands before it. `rois` int64 (N, 4): x, y, width, height of the rectangle around the visible
-    pixels, zeros if there is none. `nearest_m` float64 (N,): least distance [m] among the visible
-    pixels, inf if there is none.
-    """
-
-    visible_pixels: npt.NDArray[np.int64]
-    unoccluded_pixels: npt.NDArray[np.int64]
-    rois: npt.NDArray[np.int64]
-    nearest_m: npt.NDArray[np.float64]
 
 
 class ZBuffer:
@@ -49,7 +31,7 @@ class ZBuffer:
     """
 
     def __init__(self, view: ViewModel, max_range_m: float) -> None:
-        self._tiles = TiledRays.of(view.directions()).tiles
+        self._tiles = tiled(view.directions())
         self._max_range_m = np.float32(min(max_range_m, _FARTHEST_M))
 
     def visibility(
@@ -71,7 +53,7 @@ class ZBuffer:
         """
         selection = MeshSelection.boxes_only(len(boxes)) if shapes is None else shapes
         count = len(boxes)
-        tallies = _empty_tallies(count)
+        seen = _nothing_seen(count)
         render(
             self._tiles,
             map_from_camera.rotation_matrix().astype(np.float32),
@@ -81,10 +63,14 @@ class ZBuffer:
             mutual,
             by_mesh,
             self._max_range_m,
-            tallies,
+            seen,
             _scratch(count),
         )
-        return _visibility(tallies)
+        seen.rois[:, 2:] += 1 - seen.rois[:, :2]
+        seen.rois[seen.visible_pixels == 0] = 0
+        for array in seen:
+            array.flags.writeable = False
+        return seen
 
 
 def boxes_seen_from(
@@ -122,11 +108,11 @@ def _voxels(camera_m: npt.NDArray[np.float64], environment: VoxelField) -> Voxel
     return Voxels(environment.distances, origin, ignored, matrix, environment.voxels_per_m)
 
 
-def _empty_tallies(count: int) -> Tallies:
+def _nothing_seen(count: int) -> Visibility:
     bounds = np.empty((count, 4), dtype=np.int64)
     bounds[:, :2], bounds[:, 2:] = 2**31, -1
     nearest = np.full(count, np.inf, dtype=np.float32)
-    return Tallies(
+    return Visibility(
         np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64), bounds, nearest
     )
 
@@ -153,15 +139,3 @@ def _scratch(count: int) -> Scratch:
         to_trace=np.empty(PIXELS + 1, dtype=np.int64),
         farthest_m=np.empty(1, dtype=np.float32),
     )
-
-
-def _visibility(tallies: Tallies) -> Visibility:
-    rois = tallies.bounds
-    rois[:, 2:] += 1 - rois[:, :2]
-    rois[tallies.visible == 0] = 0
-    result = Visibility(
-        tallies.visible, tallies.unoccluded, rois, tallies.nearest_m.astype(np.float64)
-    )
-    for array in (result.visible_pixels, result.unoccluded_pixels, result.rois, result.nearest_m):
-        array.flags.writeable = False
-    return result

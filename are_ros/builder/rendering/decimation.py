@@ -12,7 +12,7 @@ seam moves only along it, and stays within the tolerance of its line; or by less
 and then the corners that move keep their looks.
 """
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +35,21 @@ _MOST: Final = 32
 """Points with more neighbours than this stay."""
 
 
+class Chains(NamedTuple):
+    """The triangles at each point: corner c is corner c % 3 of triangle c // 3.
+
+    `indices` int32 (F, 3) are the points of the corners; corners at one point that look the same
+    have the same number in `wedges` int32 (F, 3). `first` (V,) is a corner at each point, -1 for
+    none, and `following` (3 F,) the next one there. `is_left` (F,) tells which triangles remain.
+    """
+
+    indices: Integers
+    wedges: Integers
+    first: Integers
+    following: Integers
+    is_left: npt.NDArray[np.bool_]
+
+
 def decimate(
     points_m: Floats, indices: Integers, looks: Floats, tolerance_m: float
 ) -> tuple[Integers, Integers]:
@@ -45,39 +60,25 @@ def decimate(
     results are int32 (G, 3): points, and rows of the looks as (3 F, 8). The same surface and
     tolerance [m] give the same triangles.
     """
-    indices, looks = indices.copy(), looks.reshape(-1, 8)
-    wedges = np.empty_like(indices)
-    errors = np.zeros(len(points_m))
-    is_left = np.ones(len(indices), dtype=np.bool_)
-    following = np.full(indices.size, -1, dtype=np.int32)
-    first = np.full(len(points_m), -1, dtype=np.int32)
-    link_corners(indices, looks, wedges, first, following)
+    looks, errors = looks.reshape(-1, 8), np.zeros(len(points_m))
+    chains = Chains(
+        indices.copy(),
+        np.empty_like(indices),
+        np.full(len(points_m), -1, dtype=np.int32),
+        np.full(indices.size, -1, dtype=np.int32),
+        np.ones(len(indices), dtype=np.bool_),
+    )
+    link_corners(chains, looks)
     room = np.empty((3, _MOST), dtype=np.int32)
     for share in _PASSES:
-        collapse(
-            points_m,
-            indices,
-            wedges,
-            looks,
-            tolerance_m,
-            share,
-            errors,
-            is_left,
-            first,
-            following,
-            room,
-        )
-    return indices[is_left], wedges[is_left]
+        collapse(points_m, chains, looks, tolerance_m, share, errors, room)
+    return chains.indices[chains.is_left], chains.wedges[chains.is_left]
 
 
 @borrowing
-def link_corners(
-    indices: Integers, looks: Floats, wedges: Integers, first: Integers, following: Integers
-) -> None:
-    """Chain the corners (3 F,) at each point: the `first` (V,), and the `following` of each.
-
-    Corners at one point that look the same get the same number as `wedges` (F, 3).
-    """
+def link_corners(chains: Chains, looks: Floats) -> None:
+    """Chain the corners at each point, and number their wedges."""
+    indices, wedges, first, following, _ = chains
     for corner in range(following.size):
         triangle, place = corner // 3, corner % 3
         point = indices[triangle, place]
@@ -99,72 +100,49 @@ def _look_alike(one: Floats, other: Floats) -> bool:
 @borrowing
 def collapse(
     points: Floats,
-    indices: Integers,
-    wedges: Integers,
+    chains: Chains,
     looks: Floats,
     tolerance_m: float,
     most: float,
     errors: Floats,
-    is_left: npt.NDArray[np.bool_],
-    first: Integers,
-    following: Integers,
     room: Integers,
 ) -> None:
     """Move each point once, in their order, to the neighbour where it costs least, up to `most`."""
     around, wedge_there, uses = room[0], room[1], room[2]
-    for point in range(first.size):
-        if first[point] < 0 or errors[point] > most:
+    for point in range(chains.first.size):
+        if chains.first[point] < 0 or errors[point] > most:
             continue
-        count, seams, seam, other = _look_around(
-            point, indices, wedges, first, following, around, wedge_there, uses
-        )
+        count, seams, seam, other = _look_around(point, chains, around, wedge_there, uses)
         if count == 0:
             continue
         best, target, keeps = most, -1, False
         for k in range(count):
             to = around[k]
-            if not _is_linked(to, uses[k], count, indices, first, following, around):
+            if not _is_linked(to, uses[k], count, chains, around):
                 continue
             line = -1
             if seams > 0:
                 line = other if to == seam else seam if to == other else point
-            cost, keeps_looks = _cost(
-                point,
-                to,
-                line,
-                points,
-                indices,
-                wedges,
-                looks,
-                tolerance_m,
-                best - errors[point],
-                first,
-                following,
-            )
+            spare = best - errors[point]
+            cost, keeps_looks = _cost(point, to, line, points, chains, looks, tolerance_m, spare)
             if errors[point] + cost < best:
                 best, target, keeps = errors[point] + cost, to, keeps_looks
         if target >= 0:
-            _move(point, target, keeps, indices, wedges, is_left, first, following)
+            _move(point, target, keeps, chains)
             for k in range(count):
                 errors[around[k]] = max(errors[around[k]], best)
 
 
 @borrowing
 def _look_around(
-    point: int,
-    indices: Integers,
-    wedges: Integers,
-    first: Integers,
-    following: Integers,
-    around: Integers,
-    wedge_there: Integers,
-    uses: Integers,
+    point: int, chains: Chains, around: Integers, wedge_there: Integers, uses: Integers
 ) -> tuple[int, int, int, int]:
     """List the neighbours of a point, and how many triangles use the edge to each.
 
     Return their number, 0 if the point has to stay, how many seams meet there, and to which points
     they go if they are two, else -1.
     """
+    indices, wedges, first, following, _ = chains
     count, corner = 0, first[point]
     while corner >= 0:
         triangle, place = corner // 3, corner % 3
@@ -194,28 +172,20 @@ def _look_around(
 
 
 @borrowing
-def _is_linked(
-    to: int,
-    uses: int,
-    count: int,
-    indices: Integers,
-    first: Integers,
-    following: Integers,
-    around: Integers,
-) -> bool:
+def _is_linked(to: int, uses: int, count: int, chains: Chains, around: Integers) -> bool:
     """Tell whether only triangles that vanish touch both ends of the edge to a point.
 
     Else the surface would touch itself, or a body would become flat.
     """
-    shared, corner = 0, first[to]
+    shared, corner = 0, chains.first[to]
     while corner >= 0:
         triangle, place = corner // 3, corner % 3
         for step in range(1, 3):
-            other = indices[triangle, (place + step) % 3]
+            other = chains.indices[triangle, (place + step) % 3]
             for k in range(count):
                 if around[k] == other:
                     shared += 1
-        corner = following[corner]
+        corner = chains.following[corner]
     # Each neighbour of both is met twice, in two triangles at `to`, but for those on borders.
     return (count > 3 or uses == 1) and shared <= 2 * uses
 
@@ -226,13 +196,10 @@ def _cost(
     to: int,
     line: int,
     points: Floats,
-    indices: Integers,
-    wedges: Integers,
+    chains: Chains,
     looks: Floats,
     tolerance_m: float,
     most: float,
-    first: Integers,
-    following: Integers,
 ) -> tuple[float, bool]:
     """Return how far the surface moves if a point goes to a neighbour, as a share of the tolerance.
 
@@ -241,6 +208,7 @@ def _cost(
     another point; to itself, if the neighbour is not on the seam. What is more than `most` need not
     be exact.
     """
+    indices, wedges, first, following, _ = chains
     ux, uy, uz = points[point, 0], points[point, 1], points[point, 2]
     vx, vy, vz = points[to, 0] - ux, points[to, 1] - uy, points[to, 2] - uz
     edge = np.sqrt(vx * vx + vy * vy + vz * vz) / tolerance_m
@@ -271,7 +239,7 @@ def _cost(
         was, now = px * px + py * py + pz * pz, qx * qx + qy * qy + qz * qz
         if now <= 1e-24 or px * qx + py * qy + pz * qz < _LEAST_COSINE * np.sqrt(was * now):
             return np.inf, False
-        wedge = _wedge_at(wedges[triangle, place], point, to, indices, wedges, first, following)
+        wedge = _wedge_at(wedges[triangle, place], point, to, chains)
         if wedge < 0:
             cost = np.inf
         if cost == np.inf:
@@ -293,20 +261,14 @@ def _cost(
         return np.inf, False
     cost = max(cost, nearest, apart)
     if cost <= edge and cost <= most:
-        cost = max(cost, _middles_apart(point, to, points, indices, first, following) / tolerance_m)
+        cost = max(cost, _middles_apart(point, to, points, chains) / tolerance_m)
     return (cost, False) if cost <= edge else (edge, True)
 
 
 @borrowing
-def _middles_apart(
-    point: int,
-    to: int,
-    points: Floats,
-    indices: Integers,
-    first: Integers,
-    following: Integers,
-) -> float:
+def _middles_apart(point: int, to: int, points: Floats, chains: Chains) -> float:
     """Return how far the middles of the edges at a point are from the surface after a collapse."""
+    indices, _, first, following, _ = chains
     most, outer = 0.0, first[point]
     while outer >= 0:
         end = indices[outer // 3, (outer % 3 + 1) % 3]
@@ -398,16 +360,9 @@ def _apart(
 
 
 @inlined
-def _wedge_at(
-    own: int,
-    point: int,
-    to: int,
-    indices: Integers,
-    wedges: Integers,
-    first: Integers,
-    following: Integers,
-) -> int:
+def _wedge_at(own: int, point: int, to: int, chains: Chains) -> int:
     """Return the wedge at the end of an edge that goes with one at its beginning, -1 for none."""
+    indices, wedges, first, following, _ = chains
     corner = first[point]
     while corner >= 0:
         triangle, place = corner // 3, corner % 3
@@ -420,17 +375,9 @@ def _wedge_at(
 
 
 @borrowing
-def _move(
-    point: int,
-    to: int,
-    keeps_looks: bool,
-    indices: Integers,
-    wedges: Integers,
-    is_left: npt.NDArray[np.bool_],
-    first: Integers,
-    following: Integers,
-) -> None:
+def _move(point: int, to: int, keeps_looks: bool, chains: Chains) -> None:
     """Move a point onto a neighbour, whose looks its corners take over or not."""
+    indices, wedges, first, following, is_left = chains
     corner = first[point]
     while corner >= 0:
         triangle, place = corner // 3, corner % 3
@@ -438,9 +385,7 @@ def _move(
         if to in (indices[triangle, (place + 1) % 3], indices[triangle, (place + 2) % 3]):
             is_left[triangle] = False
         elif not keeps_looks:
-            wedges[triangle, place] = _wedge_at(
-                wedges[triangle, place], point, to, indices, wedges, first, following
-            )
+            wedges[triangle, place] = _wedge_at(wedges[triangle, place], point, to, chains)
     corner, last = first[point], -1
     while corner >= 0:
         triangle, place, after = corner // 3, corner % 3, following[corner]
@@ -450,22 +395,20 @@ def _move(
         else:
             for step in range(1, 3):
                 other = indices[triangle, (place + step) % 3]
-                first[other] = _left_of_chain(first[other], is_left, following, -1)
+                first[other] = _left_of_chain(first[other], chains, -1)
         corner = after
-    first[point], first[to] = -1, _left_of_chain(first[to], is_left, following, last)
+    first[point], first[to] = -1, _left_of_chain(first[to], chains, last)
 
 
 @borrowing
-def _left_of_chain(
-    corner: int, is_left: npt.NDArray[np.bool_], following: Integers, last: int
-) -> int:
+def _left_of_chain(corner: int, chains: Chains, last: int) -> int:
     """Take the corners of triangles that are gone out of a chain; return its new beginning.
 
     `last` is where it goes on at its end.
     """
     while corner >= 0:
-        after = following[corner]
-        if is_left[corner // 3]:
-            following[corner], last = last, corner
+        after = chains.following[corner]
+        if chains.is_left[corner // 3]:
+            chains.following[corner], last = last, corner
         corner = after
     return last

@@ -331,17 +331,11 @@ class Painter:
         foots[:, :2], foots[:, 2] = boxes.centres_m[:, :2], boxes.grounds_m
         foots[:, 3:5] = level
         foots[:, 5:] = boxes.half_sizes_m[:, :2]
-        darken(
-            self._flat_rays,
-            windows.astype(np.int32),
-            map_from_camera.translation_m.astype(np.float32),
-            map_from_camera.rotation_matrix().astype(np.float32),
-            foots,
-            real_m,
-            np.float32(strength),
-            self._shadow_left,
-            self._marks,
-        )
+        camera_m = map_from_camera.translation_m.astype(np.float32)
+        turn, share = map_from_camera.rotation_matrix().astype(np.float32), np.float32(strength)
+        left, marks = self._shadow_left, self._marks
+        for window, foot in zip(windows.astype(np.int32), foots, strict=True):
+            darken(self._flat_rays, window, camera_m, turn, foot, real_m, share, left, marks)
 
     def _composed(
         self, pixels: npt.NDArray[np.uint8], lighting: Lighting, random: np.random.Generator

@@ -117,75 +117,37 @@ def make_band(width: int) -> Floats:
 
 
 def sample_rays(rays: Floats) -> Floats:
-    """Return the unit rays of samples (H, B, RAYS), from those of the pixels (H, W, 3)."""
-    samples = np.zeros((rays.shape[0], -(-rays.shape[1] // WIDE), RAYS), dtype=np.float32)
-    cast_samples(rays, samples)
-    return samples
-
-
-@borrowing
-def cast_samples(rays: Floats, samples: Floats) -> None:
-    """Fill the unit rays of samples from those of pixels (H, W, 3).
+    """Return the unit rays of samples (H, B, RAYS), from those of the pixels (H, W, 3).
 
     They lie between those of the pixels around. Beyond the edge of a lens's image there is no ray:
     the pixel's own serves. A pixel without a ray has none in its samples.
     """
-    height, width = rays.shape[0], rays.shape[1]
-    for row in range(height):
-        for column in range(width):
-            if not _has_ray(rays, row, column):
-                continue
-            for sample in range(SAMPLES):
-                down, right = 2 * (sample // 2) - 1, 2 * (sample % 2) - 1
-                x, y, z = _between_columns(rays, row, column, down, right)
-                scale = 1.0 / np.sqrt(x * x + y * y + z * z)
-                lane = sample * WIDE + column % WIDE
-                samples[row, column // WIDE, _X + lane] = np.float32(scale * x)
-                samples[row, column // WIDE, _Y + lane] = np.float32(scale * y)
-                samples[row, column // WIDE, _Z + lane] = np.float32(scale * z)
+    (height, width), has_ray = rays.shape[:2], np.any(rays, axis=2)
+    blocks = -(-width // WIDE)
+    samples = np.zeros((height, blocks, 3, SAMPLES, WIDE), dtype=np.float32)
+    padded = np.zeros((height, blocks * WIDE, 3))
+    for sample in range(SAMPLES):
+        lower = _towards(rays.astype(np.float64), has_ray, 2 * (sample // 2) - 1)
+        cast = _towards(lower.swapaxes(0, 1), has_ray.T, 2 * (sample % 2) - 1).swapaxes(0, 1)
+        x, y, z = cast[has_ray].T
+        padded[:, :width][has_ray] = cast[has_ray] / np.sqrt(x * x + y * y + z * z)[:, np.newaxis]
+        samples[:, :, :, sample] = padded.reshape(height, blocks, WIDE, 3).swapaxes(2, 3)
+    return samples.reshape(height, blocks, RAYS)
 
 
-@borrowing
-def _has_ray(rays: Floats, row: int, column: int) -> bool:
-    ray = rays[row, column]
-    return bool(ray[0] != _ZERO or ray[1] != _ZERO or ray[2] != _ZERO)
+def _towards(
+    rays: npt.NDArray[np.float64], has_ray: npt.NDArray[np.bool_], step: int
+) -> npt.NDArray[np.float64]:
+    """Return rays (N, M, 3) a quarter of a pixel on along the first axis, forward or backward.
 
-
-@borrowing
-def _between_rows(rays: Floats, row: int, column: int, down: int) -> tuple[float, float, float]:
-    """Return the ray a quarter of a pixel above or below a pixel."""
-    x, y, z = (
-        np.float64(rays[row, column, 0]),
-        np.float64(rays[row, column, 1]),
-        np.float64(rays[row, column, 2]),
-    )
-    there, share = row + down, 0.25
-    if there < 0 or there >= rays.shape[0]:
-        there, share = min(max(row - down, 0), rays.shape[0] - 1), -0.25
-    if not _has_ray(rays, there, column):
-        return x, y, z
-    kept = 1.0 - share
-    return (
-        kept * x + share * rays[there, column, 0],
-        kept * y + share * rays[there, column, 1],
-        kept * z + share * rays[there, column, 2],
-    )
-
-
-@borrowing
-def _between_columns(
-    rays: Floats, row: int, column: int, down: int, right: int
-) -> tuple[float, float, float]:
-    """Return the ray a quarter of a pixel from a pixel's middle, both ways."""
-    x, y, z = _between_rows(rays, row, column, down)
-    there, share = column + right, 0.25
-    if there < 0 or there >= rays.shape[1]:
-        there, share = min(max(column - right, 0), rays.shape[1] - 1), -0.25
-    if not _has_ray(rays, row, there):
-        return x, y, z
-    other_x, other_y, other_z = _between_rows(rays, row, there, down)
-    kept = 1.0 - share
-    return kept * x + share * other_x, kept * y + share * other_y, kept * z + share * other_z
+    At the edge of the image they go on as inside of it.
+    """
+    there = np.arange(len(rays)) + step
+    is_beyond = (there < 0) | (there >= len(rays))
+    there = np.clip(np.where(is_beyond, there - 2 * step, there), 0, len(rays) - 1)
+    share = np.where(is_beyond, -0.25, 0.25)[:, np.newaxis, np.newaxis]
+    between = (1.0 - share) * rays + share * rays[there]
+    return np.where(has_ray[there][:, :, np.newaxis], between, rays)
 
 
 @borrowing

@@ -256,72 +256,28 @@ def _light(
     textures: Textures,
     linear: Floats,
 ) -> tuple[np.float32, np.float32, np.float32]:
-    """Return the light that comes along a ray from a face."""
+    """Return the light that comes along a ray from a face, see `Faces.planes`."""
     own = faces.planes[face]
     range_m = _ONE / (x * own[9] + y * own[10] + z * own[11])
     red = (x * own[12] + y * own[13] + z * own[14]) * range_m
     green = (x * own[15] + y * own[16] + z * own[17]) * range_m
     blue = (x * own[18] + y * own[19] + z * own[20]) * range_m
-    if faces.textures[face] >= 0:
-        where = textures.places[np.uint32(faces.textures[face])]
-        red, green, blue = _texel(red, green, blue, where, textures.texels, linear)
-    return red, green, blue
-
-
-@inlined
-def _texel(
-    bright: np.float32,
-    across: np.float32,
-    along: np.float32,
-    place: npt.NDArray[np.int64],
-    texels: npt.NDArray[np.uint8],
-    linear: Floats,
-) -> tuple[np.float32, np.float32, np.float32]:
-    """Return the light that comes from a place in a texture, see `Textures`."""
-    height, width = place[1], place[2]
-    across, along = across - np.floor(across), along - np.floor(along)
-    column = min(int(across * width), width - 1)
-    row = min(int((_ONE - along) * height), height - 1)
-    first = place[0] + 3 * (row * width + column)
+    if faces.textures[face] < 0:
+        return red, green, blue
+    place, texels = textures.places[np.uint32(faces.textures[face])], textures.texels
+    across, along = green - np.floor(green), blue - np.floor(blue)
+    column = min(int(across * place[2]), place[2] - 1)
+    row = min(int((_ONE - along) * place[1]), place[1] - 1)
+    first = place[0] + 3 * (row * place[2] + column)
     return (
-        bright * linear[texels[first]],
-        bright * linear[texels[first + 1]],
-        bright * linear[texels[first + 2]],
+        red * linear[texels[first]],
+        red * linear[texels[first + 1]],
+        red * linear[texels[first + 2]],
     )
 
 
 @borrowing
 def darken(
-    rays: Floats,
-    windows: Integers,
-    camera: Floats,
-    map_from_camera: Floats,
-    boxes: Floats,
-    real: Floats,
-    strength: np.float32,
-    shadow: Floats,
-    marks: npt.NDArray[np.uint8],
-) -> None:
-    """Lower the share (H, W) of the light that reaches the floor near bodies; see `_darken`.
-
-    `windows` are (N, 4), `boxes` (N, 7).
-    """
-    for body in range(boxes.shape[0]):
-        _darken(
-            rays,
-            windows[body],
-            camera,
-            map_from_camera,
-            boxes[body],
-            real,
-            strength,
-            shadow,
-            marks,
-        )
-
-
-@borrowing
-def _darken(
     rays: Floats,
     window: Integers,
     camera: Floats,

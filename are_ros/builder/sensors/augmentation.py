@@ -7,16 +7,15 @@ from typing import Any
 from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.population_manager import PopulationManager
-from are_ros.builder.sensors.colour_image import ColourImage
+from are_ros.builder.sensors.colour_image import ColourImage, Studio
 from are_ros.builder.sensors.depth_image import DepthImage
+from are_ros.builder.sensors.obstacles import Obstacles
 from are_ros.builder.sensors.sensor_path import (
-    Obstacles,
     Reading,
     ReleasedReading,
     SensorPath,
     SensorPathCounts,
 )
-from are_ros.builder.sensors.studio import Studio
 from are_ros.builder.tick import tick_period_ns
 from are_ros.conventions import seconds_to_ns
 from are_ros.parameters.choices import SensorGate

@@ -12,10 +12,9 @@ from typing import Any, Final, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.sensors.image import CompressedImage, Image
 from are_ros.builder.sensors.lens import Lens, known_lens
-from are_ros.builder.sensors.sensor_path import Obstacles
+from are_ros.builder.sensors.obstacles import Obstacles
 from are_ros.errors import InputError
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -26,31 +25,18 @@ _TOO_NEAR_M: Final = 1e-3
 """An artefact as near as this has no depth in metres: the camera is inside of it."""
 
 
-class DepthCode(Protocol):
-    """What the numbers of an image of depths mean."""
-
-    @property
-    def farthest_m(self) -> float:
-        """The largest depth that has a number [m]."""
-
-    def depths_m(self, stored: _Stored) -> _Floats:
-        """Return the depths [m], float64: NaN where nothing came back, -inf where too close."""
-
-    def stored(self, depths_m: _Floats) -> _Stored:
-        """Return the numbers that are nearest to depths [m]; too close is what the code has."""
-
-
 class Millimetres:
     """Whole millimetres, 0 where there is no depth: 16UC1, mono16."""
 
     farthest_m = 65.535
+    """The largest depth that has a number [m]."""
 
     def depths_m(self, stored: _Stored) -> _Floats:
-        """Return the depths; see `DepthCode`."""
+        """Return the depths [m], float64: NaN where nothing came back, -inf where too close."""
         return np.where(stored > 0, stored * 1e-3, np.nan)
 
     def stored(self, depths_m: _Floats) -> _Stored:
-        """Return the numbers; see `DepthCode`."""
+        """Return the numbers that are nearest to depths [m]; too close is what the code has."""
         return np.rint(np.clip(depths_m, 0.0, self.farthest_m) * 1e3).astype(np.uint16)
 
 
@@ -60,7 +46,7 @@ class Metres:
     farthest_m = math.inf
 
     def depths_m(self, stored: _Stored) -> _Floats:
-        """Return the depths; see `DepthCode`."""
+        """Return the depths; see `Millimetres`."""
         depths = stored.astype(np.float64)
         with np.errstate(invalid="ignore"):
             is_none = ~(depths > 0.0) | (depths == np.inf)
@@ -68,7 +54,7 @@ class Metres:
         return depths
 
     def stored(self, depths_m: _Floats) -> _Stored:
-        """Return the numbers; see `DepthCode`."""
+        """Return the numbers; see `Millimetres`."""
         return np.where(depths_m <= _TOO_NEAR_M, -np.inf, depths_m).astype(np.float32)
 
 
@@ -88,17 +74,21 @@ class InverseDepth:
 
     @property
     def farthest_m(self) -> float:
-        """See `DepthCode`."""
+        """See `Millimetres`."""
         return self.a / (1.0 - self.b)
 
     def depths_m(self, stored: _Stored) -> _Floats:
-        """Return the depths; see `DepthCode`."""
+        """Return the depths; see `Millimetres`."""
         return np.where(stored > 0, self.a / (np.maximum(stored, 1) - self.b), np.nan)
 
     def stored(self, depths_m: _Floats) -> _Stored:
         """Return the numbers; nearer than the largest one says there is none."""
         steps = np.rint(self.a / np.maximum(depths_m, 1e-9) + self.b)
         return np.where((steps < 1.0) | (steps > 65535.0), 0.0, steps).astype(np.uint16)
+
+
+DepthCode = Millimetres | Metres | InverseDepth
+"""What the numbers of an image of depths mean."""
 
 
 class DepthPixels(Protocol):
@@ -223,10 +213,11 @@ class DepthImage:
         lens.lower_depths(map_from_sensor, which, boxes, shapes, hits_m)
         is_hit = hits_m < limits_m
         tile, pixel = np.nonzero(is_hit & is_none)
-        if len(tile) and obstacles.surface is not None:
-            rays = lens.tiles.rays[which[tile], :, pixel] @ map_from_sensor.rotation_matrix().T
-            hidden = _are_hidden(map_from_sensor, rays, hits_m[tile, pixel], obstacles.surface)
-            is_hit[tile[hidden], pixel[hidden]] = False
+        rays = lens.tiles.rays[which[tile], :, pixel]
+        lengths = np.linalg.norm(rays, axis=1)
+        along_m = hits_m[tile, pixel] * lengths
+        hidden = obstacles.are_hidden(map_from_sensor, rays / lengths[:, None], along_m)
+        is_hit[tile[hidden], pixel[hidden]] = False
         places = rows[is_hit], columns[is_hit]
         numbers = code.stored(hits_m[is_hit])
         if (numbers == real[is_hit]).all():
@@ -234,15 +225,3 @@ class DepthImage:
         after = before.copy()
         after[places] = numbers
         return replace(self, pixels=self.pixels.with_stored(after))
-
-
-def _are_hidden(
-    map_from_camera: RigidTransform, rays: _Floats, depths_m: _Floats, surface: VoxelField
-) -> npt.NDArray[np.bool_]:
-    """Return which hits (K,) the environment hides, on rays (K, 3) to 1 m of depth in the map."""
-    lengths = np.linalg.norm(rays, axis=1)
-    hits_m = depths_m * lengths
-    origin_m, farthest_m = map_from_camera.translation_m, float(hits_m.max())
-    walls_m = surface.first_hits(origin_m, rays / lengths[:, None], farthest_m)
-    hidden: npt.NDArray[np.bool_] = walls_m < hits_m
-    return hidden

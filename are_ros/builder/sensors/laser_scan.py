@@ -5,19 +5,14 @@ REP 117 defines the meaning of its ranges.
 
 import math
 from dataclasses import dataclass, replace
-from typing import Final
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
-from are_ros._compiled import compiled
-from are_ros.builder.occlusion.meshes import Tree, cast, enters
-from are_ros.builder.occlusion.rays import VoxelField, inverse
-from are_ros.builder.sensors.sensor_path import Obstacles
+from are_ros.builder.sensors.obstacles import Obstacles
 from are_ros.errors import InputError
 from are_ros.world.rigid_transform import RigidTransform
-
-_TURN: Final = 2.0 * math.pi
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,9 +67,8 @@ class LaserScan:
         return cls(frame_id, stamp_ns, -3.1, 3.1, 6.2 / 35, 0.0, 0.1, 0.05, 8.0, ranges, none)
 
     def directions(self) -> npt.NDArray[np.float64]:
-        """Return the beams' unit vectors in the laser's frame, float64 (N, 3)."""
-        angles = self.angle_min_rad + np.arange(len(self.ranges)) * self.angle_increment_rad
-        return np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=1)
+        """Return the beams' unit vectors in the laser's frame, float64 (N, 3), read-only."""
+        return _directions(self.angle_min_rad, self.angle_increment_rad, len(self.ranges))
 
     def augmented(self, map_from_sensor: RigidTransform, obstacles: Obstacles) -> "LaserScan":
         """Return the scan with virtual returns where an artefact is nearer than what was measured.
@@ -89,17 +83,13 @@ class LaserScan:
         - nearer than range_min it becomes -inf (REP 117: too close), unless the return is nearer;
         - beyond range_max, or not nearer than a valid return, it changes nothing, and -inf stays.
 
-        A beam that starts inside a box hits it at 0; a mesh has only its surface. Other beams keep
-        their bits; replaced ones have intensity 0. If nothing is replaced, the same object is
-        returned.
+        Other beams keep their bits; replaced ones have intensity 0. If nothing is replaced, the
+        same object is returned.
         """
-        angles = self.angle_min_rad, self.angle_increment_rad, len(self.ranges)
-        hits = first_hits(map_from_sensor, angles, self.range_max_m, obstacles)
+        hits = obstacles.first_hits(map_from_sensor, self.directions(), self.range_max_m)
         if hits.min() == np.inf:
             return self
-        ranges, replaced = _merged(
-            self, hits.astype(np.float32), map_from_sensor, obstacles.surface
-        )
+        ranges, replaced = _merged(self, hits.astype(np.float32), map_from_sensor, obstacles)
         if not replaced.any():
             return self
         if not len(self.intensities):
@@ -147,37 +137,21 @@ class LaserScan:
         return None
 
 
-def first_hits(
-    map_from_laser: RigidTransform,
-    angles: tuple[float, float, int],
-    range_max_m: float,
-    obstacles: Obstacles,
-) -> npt.NDArray[np.float64]:
-    """Return the distance [m] to the first artefact along each beam of a fan, float64 (N,), or inf.
-
-    The beams lie in the x-y plane of the laser's frame; `angles` are the first one [rad], the
-    increment [rad] and N. Hits beyond the range may be left out.
-    """
-    first, increment, count = angles
-    hits = np.full(count, np.inf)
-    _first_hits(
-        map_from_laser.translation_m,
-        map_from_laser.rotation_matrix(),
-        (first, increment),
-        range_max_m,
-        obstacles.boxes.packed,
-        obstacles.shapes.indices,
-        obstacles.shapes.pool.tree,
-        hits,
-    )
-    return hits
+@lru_cache(maxsize=16)
+def _directions(first_rad: float, increment_rad: float, count: int) -> npt.NDArray[np.float64]:
+    """Return the unit vectors (N, 3) of N beams; each axis is contiguous, as kernels take rays."""
+    angles = first_rad + np.arange(count) * increment_rad
+    directions: npt.NDArray[np.float64]
+    directions = np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles))).T
+    directions.flags.writeable = False
+    return directions
 
 
 def _merged(
     scan: LaserScan,
     hits: npt.NDArray[np.float32],
     map_from_laser: RigidTransform,
-    surface: VoxelField | None,
+    obstacles: Obstacles,
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
     """Return the ranges with the hits merged by the rules above, and which were replaced."""
     real = scan.ranges
@@ -187,94 +161,8 @@ def _merged(
     too_close = np.isneginf(real)
     nearer = np.where(returned, hits < real, hits <= farthest)
     replaced = nearer & ~too_close
-    if surface is not None:
-        doubtful = np.flatnonzero(replaced & ~returned)
-        replaced[doubtful] = ~_are_hidden(scan, doubtful, hits[doubtful], map_from_laser, surface)
+    doubtful = np.flatnonzero(replaced & ~returned)
+    rays = scan.directions()[doubtful]
+    replaced[doubtful] = ~obstacles.are_hidden(map_from_laser, rays, hits[doubtful])
     virtual = np.where(hits < nearest, np.float32(-np.inf), hits)
     return np.where(replaced, virtual, real), replaced
-
-
-def _are_hidden(
-    scan: LaserScan,
-    beams: npt.NDArray[np.int64],
-    hits_m: npt.NDArray[np.float32],
-    map_from_laser: RigidTransform,
-    surface: VoxelField,
-) -> npt.NDArray[np.bool_]:
-    """Return for which of some beams (K,) the environment is hit before the hit (K,): bool (K,)."""
-    if not len(beams):
-        return np.empty(0, np.bool_)
-    angles = scan.angle_min_rad + beams * scan.angle_increment_rad
-    planar = np.stack((np.cos(angles), np.sin(angles)), axis=1)
-    directions = planar @ map_from_laser.rotation_matrix()[:, :2].T
-    origin_m, farthest_m = map_from_laser.translation_m, float(hits_m.max())
-    hidden: npt.NDArray[np.bool_] = surface.first_hits(origin_m, directions, farthest_m) < hits_m
-    return hidden
-
-
-@compiled
-def _first_hits(
-    laser_m: npt.NDArray[np.float64],
-    map_from_laser: npt.NDArray[np.float64],
-    angles: tuple[float, float],
-    range_max_m: float,
-    boxes: npt.NDArray[np.float64],
-    meshes: npt.NDArray[np.int64],
-    tree: Tree,
-    hits_m: npt.NDArray[np.float64],
-) -> None:
-    """Lower each beam's hit [m] to the first on any box or mesh; `boxes` as `OrientedBoxes.packed`.
-
-    A ball around the box cuts the laser's plane in a disc; only beams within its angles are cast,
-    in every turn that the scan makes.
-    """
-    first, step = angles
-    normal = map_from_laser[:, 2]
-    for box in range(boxes.shape[0]):
-        apart = boxes[box, :3] - laser_m
-        radius2 = boxes[box, 5] ** 2 + boxes[box, 6] ** 2 + boxes[box, 7] ** 2
-        height = apart[0] * normal[0] + apart[1] * normal[1] + apart[2] * normal[2]
-        if height * height > radius2:
-            continue
-        x = apart[0] * map_from_laser[0, 0] + apart[1] * map_from_laser[1, 0]
-        y = apart[0] * map_from_laser[0, 1] + apart[1] * map_from_laser[1, 1]
-        x, y = x + apart[2] * map_from_laser[2, 0], y + apart[2] * map_from_laser[2, 1]
-        disc, range_m = math.sqrt(radius2 - height * height) + 1e-6, math.sqrt(x * x + y * y)
-        if range_m - disc > range_max_m:
-            continue
-        half = math.asin(disc / range_m) if disc < range_m else math.pi
-        middle, half = math.atan2(y, x), half + 1e-6
-        cosine, sine, oz = boxes[box, 3], boxes[box, 4], -apart[2]
-        ox = -cosine * apart[0] - sine * apart[1]
-        oy = sine * apart[0] - cosine * apart[1]
-        corners = np.array(
-            (
-                -boxes[box, 5],
-                -boxes[box, 6],
-                -boxes[box, 7],
-                boxes[box, 5],
-                boxes[box, 6],
-                boxes[box, 7],
-            )
-        )
-        last = first + step * (hits_m.size - 1)
-        low, high = min(first, last), max(first, last)
-        turn = math.ceil((low - middle - half) / _TURN)
-        while middle + turn * _TURN - half <= high:
-            a = (middle + turn * _TURN - half - first) / step
-            b = (middle + turn * _TURN + half - first) / step
-            begin = max(0, math.ceil(min(a, b)))
-            end = min(hits_m.size - 1, math.floor(max(a, b)))
-            for beam in range(begin, end + 1):
-                angle = first + step * beam
-                a, b = math.cos(angle), math.sin(angle)
-                x = a * map_from_laser[0, 0] + b * map_from_laser[0, 1]
-                y = a * map_from_laser[1, 0] + b * map_from_laser[1, 1]
-                dz = a * map_from_laser[2, 0] + b * map_from_laser[2, 1]
-                dx, dy = cosine * x + sine * y, cosine * y - sine * x
-                if meshes[box] >= 0:
-                    hit = cast(tree, meshes[box], ox, oy, oz, dx, dy, dz, range_max_m)[0]
-                else:
-                    hit = enters(corners, ox, oy, oz, inverse(dx), inverse(dy), inverse(dz))
-                hits_m[beam] = min(hits_m[beam], hit)
-            turn += 1

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from are_ros._compiled import compiled
 from are_ros.builder.occlusion.kernels import Boxes, find_candidates
 from are_ros.builder.occlusion.meshes import MeshSelection, Tree, cast_tile, enters
-from are_ros.builder.occlusion.rays import PIXELS, TILE, TiledRays, inverse
+from are_ros.builder.occlusion.rays import PIXELS, TILE, inverse, tiled
 from are_ros.builder.occlusion.zbuffer import boxes_seen_from
 from are_ros.builder.sensors.image import MINIATURE_PX
 from are_ros.errors import InputError
@@ -75,7 +75,7 @@ class Lens:
         is_valid = ~np.isnan(rays[:, :, 0])
         rays[~is_valid] = 0.0
         units = rays / np.maximum(np.linalg.norm(rays, axis=2, keepdims=True), 1e-12)
-        cones = TiledRays.of(units.astype(np.float32)).tiles
+        cones = tiled(units.astype(np.float32))
         down, right = np.divmod(np.arange(PIXELS), TILE)
         rows = cones.first_pixels[:, 1:] + down
         columns = cones.first_pixels[:, :1] + right

@@ -8,10 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import compiled
-from are_ros.builder.occlusion.meshes import Tree, cast, enters
-from are_ros.builder.occlusion.rays import VoxelField, inverse
 from are_ros.builder.sensors.cloud_rays import WIDEST_GAP_RAD, rays_between, rays_of_holes
-from are_ros.builder.sensors.sensor_path import Obstacles
+from are_ros.builder.sensors.obstacles import Obstacles
 from are_ros.errors import InputError
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
@@ -140,9 +138,7 @@ class PointCloud:
         """Return a row of points at 2.5 m, with a gap, for `warm_up`."""
         angles = np.delete(np.arange(40), slice(10, 14)) * 0.1
         points_m = 2.5 * np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=1)
-        fields = tuple(CloudField(axis, 4 * k, 7) for k, axis in enumerate("xyz"))
-        data = points_m.astype("<f4").view(np.uint8).reshape(1, -1)
-        return cls(frame_id, stamp_ns, fields, False, True, len(angles), 12, data)
+        return cls.of_points(frame_id, stamp_ns, points_m)
 
     def points_m(self) -> npt.NDArray[np.float32] | _Floats:
         """Return the points (H * W, 3) [m], row by row, NaN where it has NaN; the array is new.
@@ -182,12 +178,12 @@ class PointCloud:
             return self
         is_organised = len(self.data) > 1  # there the rays of all holes follow from all returns
         returns, rays, ranges_m = _returns_in(*axes, _EVERYWHERE if is_organised else cones)
-        hits_m = first_hits_along(map_from_sensor, rays, ranges_m, obstacles)
+        hits_m = obstacles.first_hits(map_from_sensor, rays, ranges_m)
         is_behind = hits_m < ranges_m
         owners, free = self._rays_without_return(returns, rays)
-        limits_m = np.full(len(free), farthest_m)
-        seen_m = first_hits_along(map_from_sensor, free, limits_m, obstacles)
-        is_seen = _are_seen(seen_m, free, map_from_sensor, obstacles.surface)
+        seen_m = obstacles.first_hits(map_from_sensor, free, farthest_m)
+        is_seen = seen_m < np.inf
+        is_seen[is_seen] = ~obstacles.are_hidden(map_from_sensor, free[is_seen], seen_m[is_seen])
         if not is_behind.any() and not is_seen.any():
             return self
         units = self._units_of_lengths()
@@ -337,82 +333,3 @@ def _write_hits(
     for name, unit in units.items():
         is_whole = np.issubdtype(columns[name].dtype, np.integer)
         columns[name][at] = np.rint(unit * hits_m) if is_whole else unit * hits_m
-
-
-def _are_seen(
-    hits_m: _Floats, rays: _Floats, map_from_sensor: RigidTransform, surface: VoxelField | None
-) -> npt.NDArray[np.bool_]:
-    """Return which hits (K,) along rays (K, 3) of the sensor the environment does not hide."""
-    is_seen = hits_m < np.inf
-    hit = np.flatnonzero(is_seen)
-    if len(hit) and surface is not None:
-        directions = rays[hit] @ map_from_sensor.rotation_matrix().T
-        origin_m, farthest_m = map_from_sensor.translation_m, float(hits_m[hit].max())
-        is_seen[hit] = surface.first_hits(origin_m, directions, farthest_m) >= hits_m[hit]
-    return is_seen
-
-
-def first_hits_along(
-    map_from_sensor: RigidTransform, rays: _Floats, limits_m: _Floats, obstacles: Obstacles
-) -> _Floats:
-    """Return the distance [m] to the first artefact along rays, float64 (N,); inf for none.
-
-    `rays` are unit vectors (N, 3) in the sensor's frame, from its origin; hits beyond `limits_m`
-    (N,) may be left out.
-    """
-    hits_m = np.full(len(rays), np.inf)
-    _first_hits(
-        map_from_sensor.translation_m,
-        map_from_sensor.rotation_matrix(),
-        np.ascontiguousarray(rays),
-        limits_m,
-        obstacles.boxes.packed,
-        obstacles.shapes.indices,
-        obstacles.shapes.pool.tree,
-        hits_m,
-    )
-    return hits_m
-
-
-@compiled
-def _first_hits(
-    sensor_m: _Floats,
-    map_from_sensor: _Floats,
-    rays: _Floats,
-    limits_m: _Floats,
-    boxes: _Floats,
-    meshes: _Indices,
-    tree: Tree,
-    hits_m: _Floats,
-) -> None:
-    """Lower each ray's hit [m] to the first on any box or mesh; `boxes` as `OrientedBoxes.packed`.
-
-    Only rays that meet the ball around a box are cast.
-    """
-    for box in range(boxes.shape[0]):
-        apart = boxes[box, :3] - sensor_m
-        middle = map_from_sensor.T @ apart
-        radius2 = boxes[box, 5] ** 2 + boxes[box, 6] ** 2 + boxes[box, 7] ** 2
-        away2 = apart[0] ** 2 + apart[1] ** 2 + apart[2] ** 2
-        reach = radius2 * (1.0 + _SLACK) + _SLACK * away2
-        cosine, sine, oz = boxes[box, 3], boxes[box, 4], -apart[2]
-        ox = -cosine * apart[0] - sine * apart[1]
-        oy = sine * apart[0] - cosine * apart[1]
-        low, high = -boxes[box, 5:8], boxes[box, 5:8]
-        corners = np.array((low[0], low[1], low[2], high[0], high[1], high[2]))
-        for ray in range(rays.shape[0]):
-            a, b, c = rays[ray, 0], rays[ray, 1], rays[ray, 2]
-            along = a * middle[0] + b * middle[1] + c * middle[2]
-            if away2 - along * along > reach or (along < 0.0 and away2 > reach):
-                continue
-            x = a * map_from_sensor[0, 0] + b * map_from_sensor[0, 1] + c * map_from_sensor[0, 2]
-            y = a * map_from_sensor[1, 0] + b * map_from_sensor[1, 1] + c * map_from_sensor[1, 2]
-            dz = a * map_from_sensor[2, 0] + b * map_from_sensor[2, 1] + c * map_from_sensor[2, 2]
-            dx, dy = cosine * x + sine * y, cosine * y - sine * x
-            limit = min(limits_m[ray], hits_m[ray])
-            if meshes[box] >= 0:
-                hit = cast(tree, meshes[box], ox, oy, oz, dx, dy, dz, limit)[0]
-            else:
-                hit = enters(corners, ox, oy, oz, inverse(dx), inverse(dy), inverse(dz))
-            if hit <= limit:
-                hits_m[ray] = hit

@@ -1,15 +1,14 @@
 """A range reading (sensor_msgs/Range): one distance within a cone, of sonar or infrared."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.builder.sensors.laser_scan import first_hits
-from are_ros.builder.sensors.sensor_path import Obstacles
+from are_ros.builder.sensors.obstacles import Obstacles
 from are_ros.errors import InputError
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -68,46 +67,30 @@ class RangeReading:
         is_return = self.min_range_m <= self.range_m <= self.max_range_m
         if self.range_m == -math.inf:
             return self
-        nearest_m = np.float32(np.inf)
-        for map_from_fan, angles in self._fans(map_from_sensor):
-            hits = first_hits(map_from_fan, angles, self.max_range_m, obstacles).astype(np.float32)
-            hits[hits >= nearest_m] = np.inf
-            hits[(hits >= self.range_m) if is_return else (hits > self.max_range_m)] = np.inf
-            seen = np.flatnonzero(hits < np.inf)
-            if len(seen) and obstacles.surface is not None and not is_return:
-                rays = _directions(map_from_fan, angles)[seen]
-                farthest_m = float(hits[seen].max())
-                walls = obstacles.surface.first_hits(map_from_fan.translation_m, rays, farthest_m)
-                seen = seen[walls >= hits[seen]]
-            nearest_m = min(nearest_m, hits[seen].min(initial=np.inf))
+        rays = _rays_in_cone(self.field_of_view_rad)
+        hits = obstacles.first_hits(map_from_sensor, rays, self.max_range_m).astype(np.float32)
+        seen = np.flatnonzero(hits < (self.range_m if is_return else np.inf))
+        if not is_return:
+            seen = seen[~obstacles.are_hidden(map_from_sensor, rays[seen], hits[seen])]
+        nearest_m = hits[seen].min(initial=np.inf)
         if nearest_m == np.inf:
             return self
         return replace(
             self, range_m=-math.inf if nearest_m < self.min_range_m else float(nearest_m)
         )
 
-    def _fans(
-        self, map_from_sensor: RigidTransform
-    ) -> Iterator[tuple[RigidTransform, tuple[float, float, int]]]:
-        """Yield the cone as fans of rays (pose, angles as `first_hits` takes them) about its axis.
 
-        The fans are turned about the x-axis, over half a turn; each has a ray along the axis.
-        """
-        half = 0.5 * self.field_of_view_rad
-        rays_per_side = math.ceil(half / _STEP_RAD)
-        step = half / rays_per_side if rays_per_side else 1.0
-        count = math.ceil(math.pi * math.sin(min(half, 0.5 * math.pi)) / _STEP_RAD) or 1
-        for fan in range(count):
-            turn = RigidTransform.from_xyz_ypr(0.0, 0.0, 0.0, 0.0, 0.0, math.pi * fan / count)
-            yield map_from_sensor @ turn, (-half, step, 2 * rays_per_side + 1)
+@lru_cache(maxsize=16)
+def _rays_in_cone(field_of_view_rad: float) -> npt.NDArray[np.float64]:
+    """Return unit vectors (N, 3), in fans that are turned about the cone's axis, over half a turn.
 
-
-def _directions(
-    map_from_fan: RigidTransform, angles: tuple[float, float, int]
-) -> npt.NDArray[np.float64]:
-    """Return the unit vectors of a fan's rays in the map frame, float64 (N, 3)."""
-    first, step, count = angles
-    turns = first + step * np.arange(count)
-    planar = np.stack((np.cos(turns), np.sin(turns)), axis=1)
-    rays: npt.NDArray[np.float64] = planar @ map_from_fan.rotation_matrix()[:, :2].T
+    Each axis is contiguous, as kernels take rays.
+    """
+    half = 0.5 * field_of_view_rad
+    fans = math.ceil(math.pi * math.sin(min(half, 0.5 * math.pi)) / _STEP_RAD) or 1
+    turns = np.arange(fans)[:, np.newaxis] * math.pi / fans
+    angles = np.linspace(-half, half, 2 * math.ceil(half / _STEP_RAD) + 1)
+    x, across = np.cos(angles), np.sin(angles)
+    axes = np.broadcast_arrays(x, np.cos(turns) * across, np.sin(turns) * across)
+    rays: npt.NDArray[np.float64] = np.stack([axis.ravel() for axis in axes]).T
     return rays

@@ -8,42 +8,21 @@ passes through, too: its stamps are of another clock, or it was delayed. An imag
 first CameraInfo beside it in the same way.
 """
 
-import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
 from are_ros.agents.robots import WITHOUT_STAMP
-from are_ros.builder.occlusion.meshes import MeshSelection
-from are_ros.builder.occlusion.rays import VoxelField
-from are_ros.builder.scene import Scene
+from are_ros.builder.sensors.obstacles import Obstacles
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import FrameError, InputError
-from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.transforms.tree import FrameTree
 
 CLOCKS_DIFFER: Final = "most often clocks differ"
 _WATCHED: Final = 50
 """The delays of transforms are kept for this many readings that did not wait long enough."""
-
-
-@dataclass(frozen=True, eq=False)
-class Obstacles:
-    """What a sensor can hit, in the map frame: `boxes` of N >= 1 artefacts.
-
-    `shapes` are the N meshes, or the boxes themselves; `surface` is the surface of the environment,
-    None if there is none. Depth cameras see as far as `depth_range_m`. `scene` are the artefacts,
-    and `studio` paints them.
-    """
-
-    boxes: OrientedBoxes
-    shapes: MeshSelection
-    surface: VoxelField | None = None
-    depth_range_m: float = math.inf
-    scene: Scene | None = None
-    studio: Any = None
 
 
 class Reading(Protocol):

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from are_ros.builder.certainty.behaviour import BehaviourBelief, BehaviourLaw, behaviour_shares
+from are_ros.builder.certainty.belief import BehaviourLaw, Belief, behaviour_shares
 from are_ros.builder.certainty.false_alarms import FIRST_ID
 from tests.builder.certainty.hall import (
     CATALOGUE,
@@ -64,7 +64,7 @@ def test_the_belief_is_that_of_all_histories(seed: int) -> None:
     """The sum over all sequences of behaviours, weighted by looks and changes."""
     random = np.random.default_rng(seed)
     law, accuracy, times_s = law_of_counts(), 0.7, random.uniform(0.1, 3.0, 5)
-    belief, named = BehaviourBelief(np.array((0.5, 0.3, 0.2))), list[int]()
+    belief, named = Belief(np.array((0.5, 0.3, 0.2))), list[int]()
     for dt_s in times_s:
         law.predict([belief], float(dt_s))
         draws, truth = np.random.default_rng(int(100 * dt_s)), int(random.integers(3))
@@ -87,7 +87,7 @@ def test_a_look_names_the_truth_as_often_as_it_says() -> None:
     draws, counts = np.random.default_rng(5), np.zeros((2, 4))
     for row, truth in enumerate((2, None)):
         for _ in range(4000):
-            belief = BehaviourBelief(np.full(4, 0.25))
+            belief = Belief(np.full(4, 0.25))
             belief.look(draws, truth, 0.7, 0)
             counts[row, int(belief.probabilities.argmax())] += 1
     wanted = np.array(((0.1, 0.1, 0.7, 0.1), (0.25, 0.25, 0.25, 0.25)))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from are_ros.builder.certainty.belief import Census, ClassBelief, Existence
+from are_ros.builder.certainty.belief import Belief, Census, Existence
 
 CLASSES = {"person": 0.6, "car": 0.3, "pallet": 0.1}
 
@@ -58,7 +58,7 @@ def test_the_census_is_the_rule_of_succession() -> None:
     census.count_false_alarm()
     assert census.existence(are_false_alarms_possible=True).artefact == pytest.approx(4.0 / 6.0)
     assert census.existence(are_false_alarms_possible=False) == (1.0, 0.0, 0.0)
-    names, shares = census.class_belief().ranked()
+    names, shares = census.class_belief().ranked(census.classes)
     assert names == ("car", "person", "pallet")
     thirds = (0.3 + 1 / 3 + 3, 0.6 + 1 / 3, 0.1 + 1 / 3)
     assert shares == pytest.approx([share / 5.0 for share in thirds])
@@ -69,10 +69,10 @@ def test_class_probabilities_are_calibrated() -> None:
     random = np.random.default_rng(11)
     prior, said, right = (0.6, 0.3, 0.1), list[float](), list[bool]()
     for true_index in random.choice(3, size=10_000, p=prior):
-        belief = ClassBelief(tuple(CLASSES), prior)
+        belief = Belief(np.array(prior))
         for _ in range(1 + int(random.integers(3))):
-            belief.look(random, tuple(CLASSES)[true_index], 0.7)
-        names, probabilities = belief.ranked()
+            belief.look(random, int(true_index), 0.7, 0)
+        names, probabilities = belief.ranked(tuple(CLASSES))
         said += probabilities
         right += [name == tuple(CLASSES)[true_index] for name in names]
     bins = np.minimum((np.array(said) * 10).astype(int), 9)
@@ -85,13 +85,13 @@ def test_class_probabilities_are_calibrated() -> None:
 
 def test_a_sure_look_names_the_true_class_alone() -> None:
     """Then no other class is possible."""
-    belief = ClassBelief(tuple(CLASSES), (0.6, 0.3, 0.1))
-    belief.look(np.random.default_rng(1), "pallet", 1.0)
-    assert belief.ranked() == (("pallet",), (1.0,))
+    belief = Belief(np.array((0.6, 0.3, 0.1)))
+    belief.look(np.random.default_rng(1), 2, 1.0, 0)
+    assert belief.ranked(tuple(CLASSES)) == (("pallet",), (1.0,))
 
 
 def test_one_class_is_certain() -> None:
     """There is no other to take it for."""
-    belief = ClassBelief(("thing",), (1.0,))
-    belief.look(np.random.default_rng(1), "thing", 0.2)
-    assert belief.ranked() == (("thing",), (1.0,))
+    belief = Belief(np.array((1.0,)))
+    belief.look(np.random.default_rng(1), 0, 0.2, 0)
+    assert belief.ranked(("thing",)) == (("thing",), (1.0,))

@@ -7,7 +7,7 @@ import pytest
 
 from are_ros.agents.events import PerceivedArtefact
 from are_ros.builder.certainty.perception import Perception
-from are_ros.builder.certainty.tracking_error import Process
+from are_ros.builder.certainty.track import Process
 from are_ros.population.artefact import Artefact
 from tests.builder.certainty.hall import detector, look, ns, scene, seeing, sights, walkers
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import chi2, kstest
 
 from are_ros.agents.events import PerceivedArtefact
-from are_ros.builder.certainty.tracking_error import Process, TrackingError
+from are_ros.builder.certainty.track import Process, TrackingError
 from are_ros.builder.scene import Scene
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import CertaintyParameters

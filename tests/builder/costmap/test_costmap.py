@@ -20,7 +20,6 @@ from are_ros.builder.costmap.inflation import (
     table_size,
 )
 from are_ros.builder.costmap.registration import CellPatch, patch_changes
-from are_ros.errors import InputError, ParameterError
 
 Mask = npt.NDArray[np.bool_]
 Patches = Mapping[int, CellPatch]
@@ -310,20 +309,6 @@ def test_new_map_forgets_the_artefacts_of_the_old() -> None:
     assert not costmap.costs.any()
     assert costmap.take({})
     assert not costmap.take({})
-
-
-def test_refusals_name_what_is_wrong() -> None:
-    """Bad numbers and masks that do not fit are refused, and the old map stays."""
-    with pytest.raises(ParameterError, match="inflation radius"):
-        InflatedCostmap(-0.1, 1.0, 0.2)
-    with pytest.raises(ParameterError, match="scaling"):
-        InflatedCostmap(0.1, math.nan, 0.2)
-    costmap = a_costmap(*open_floor())
-    with pytest.raises(InputError, match="shapes"):
-        costmap.set_map(np.zeros((2, 3), np.bool_), np.zeros((3, 2), np.bool_), 0.05)
-    with pytest.raises(InputError, match="resolution"):
-        costmap.set_map(*open_floor(), 0.0)
-    assert costmap.costs.shape == SHAPE
 
 
 def test_views_are_read_only() -> None:

@@ -7,7 +7,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from are_ros.builder.occlusion.meshes import MeshPool, MeshSelection, cast, cast_tile
+from are_ros.builder.occlusion.meshes import MeshPool, cast, cast_tile
 from are_ros.builder.occlusion.rays import PIXELS
 from are_ros.errors import InputError
 
@@ -46,15 +46,12 @@ def _loop_hits(mesh: Mesh, origin: Floats, rays: Floats, max_range: float) -> Fl
     return best
 
 
-def _first_hits(
-    pool: MeshPool, mesh: int, start: Floats, rays: Floats, range_m: float
-) -> tuple[Floats, npt.NDArray[np.int64]]:
-    """Return the distance to a mesh along unit rays (N, 3), and the triangle: inf, -1 if none."""
+def _first_hits(pool: MeshPool, mesh: int, start: Floats, rays: Floats, range_m: float) -> Floats:
+    """Return the distance to a mesh along unit rays (N, 3), inf if none."""
     x, y, z = start.tolist()
-    hits = [
-        cast(pool.tree, mesh, x, y, z, dx, dy, dz, float(range_m)) for dx, dy, dz in rays.tolist()
-    ]
-    return np.array([hit for hit, _ in hits]), np.array([triangle for _, triangle in hits])
+    return np.array(
+        [cast(pool.tree, mesh, x, y, z, dx, dy, dz, float(range_m)) for dx, dy, dz in rays.tolist()]
+    )
 
 
 @pytest.mark.parametrize("name", ["box", "ball", "ring"])
@@ -62,19 +59,12 @@ def _first_hits(
 def test_hits_agree_with_a_loop_over_all_triangles(
     name: str, origin: tuple[float, float, float]
 ) -> None:
-    """From outside and inside, distances agree to 1e-9 m, and the triangle holds the hit point."""
+    """From outside and inside, distances agree to 1e-9 m."""
     mesh, start = _solid(name), np.array(origin)
     rays = _rays_towards(1, start, 0.8, 300)
-    hits, triangles = _first_hits(MeshPool.of([mesh]), 0, start, rays, 10.0)
+    hits = _first_hits(MeshPool.of([mesh]), 0, start, rays, 10.0)
     np.testing.assert_allclose(hits, _loop_hits(mesh, start, rays, 10.0), atol=1e-9)
-    np.testing.assert_array_equal(triangles >= 0, np.isfinite(hits))
-    found = np.flatnonzero(triangles >= 0)
-    assert found.size > 50
-    points = start + hits[found, np.newaxis] * rays[found]
-    corners = mesh[0][mesh[1]][triangles[found]]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    apart = np.einsum("ij,ij->i", points - corners[:, 0], normals)
-    np.testing.assert_allclose(apart, 0.0, atol=1e-9)
+    assert np.isfinite(hits).sum() > 50
 
 
 def test_hits_agree_with_embree() -> None:
@@ -91,7 +81,7 @@ def test_hits_agree_with_embree() -> None:
     expected = np.full(len(rays), np.inf)
     expected[which] = np.linalg.norm(points - start, axis=1)
     pool = MeshPool.of([(np.array(solid.vertices), np.array(solid.faces))])
-    hits, _ = _first_hits(pool, 0, start, rays, 10.0)
+    hits = _first_hits(pool, 0, start, rays, 10.0)
     with np.errstate(invalid="ignore"):
         apart = (hits != expected) & ~(np.abs(hits - expected) < 1e-4)
     assert apart.sum() <= 1
@@ -108,7 +98,7 @@ def test_every_mesh_of_a_pool_is_found_by_its_number() -> None:
     assert len(pool) == 3
     start, ahead = np.array([5.0, 0.0, 0.0]), np.array([[-1.0, 0.0, 0.0]])
     for number, mesh in enumerate(meshes):
-        hits, _ = _first_hits(pool, number, start, ahead, 10.0)
+        hits = _first_hits(pool, number, start, ahead, 10.0)
         np.testing.assert_allclose(hits, _loop_hits(mesh, start, ahead, 10.0))
 
 
@@ -116,9 +106,9 @@ def test_the_range_is_closed_and_may_be_endless() -> None:
     """A surface exactly at the range is hit; an endless range changes nothing else."""
     pool = MeshPool.of([_solid("box")])
     start, rays = np.array([2.5, 0.1, 0.2]), np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
-    assert _first_hits(pool, 0, start, rays, 2.0)[0].tolist() == [2.0, np.inf]
-    assert _first_hits(pool, 0, start, rays, 1.999)[0].tolist() == [np.inf, np.inf]
-    assert _first_hits(pool, 0, start, rays, np.inf)[1].tolist()[1] == -1
+    assert _first_hits(pool, 0, start, rays, 2.0).tolist() == [2.0, np.inf]
+    assert _first_hits(pool, 0, start, rays, 1.999).tolist() == [np.inf, np.inf]
+    assert _first_hits(pool, 0, start, rays, np.inf).tolist()[1] == np.inf
 
 
 @pytest.mark.parametrize(
@@ -133,14 +123,6 @@ def test_a_broken_mesh_is_refused(mesh: Mesh, reason: str) -> None:
     """The sentence names the mesh by number, and the reason."""
     with pytest.raises(InputError, match=rf"mesh 1 .*{reason}"):
         MeshPool.of([_solid("box"), mesh])
-
-
-def test_a_selection_names_meshes_of_its_pool() -> None:
-    """An index outside the pool is refused; -1 stands for the box itself."""
-    pool = MeshPool.of([_solid("box")])
-    assert MeshSelection(pool, np.array([0, -1])).indices.tolist() == [0, -1]
-    with pytest.raises(InputError, match="mesh 1 is asked for, and the pool has 1"):
-        MeshSelection(pool, np.array([0, 1]))
 
 
 @settings(max_examples=40, deadline=None)
@@ -164,7 +146,7 @@ def test_a_tile_of_rays_hits_what_single_rays_hit(
     depths = np.full(PIXELS, np.inf, dtype=np.float32)
     camera, plane = start.astype(np.float32), np.ascontiguousarray(rays.T, dtype=np.float32)
     cast_tile(pool.tree, 0, camera, axis.astype(np.float32), grown, plane, depths)
-    expected, _ = _first_hits(pool, 0, start, rays, 100.0)
+    expected = _first_hits(pool, 0, start, rays, 100.0)
     with np.errstate(invalid="ignore"):
         apart = (depths != expected) & ~(np.abs(depths - expected) < 1e-4)
     assert apart.sum() <= 2

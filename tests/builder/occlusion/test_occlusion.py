@@ -8,10 +8,10 @@ import numpy.typing as npt
 import pytest
 import trimesh
 
-from are_ros.builder.occlusion.kernels import render
+from are_ros.builder.occlusion.kernels import Visibility, render
 from are_ros.builder.occlusion.meshes import MeshPool, MeshSelection
 from are_ros.builder.occlusion.rays import VoxelField
-from are_ros.builder.occlusion.zbuffer import Visibility, ZBuffer
+from are_ros.builder.occlusion.zbuffer import ZBuffer
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.cameras import (
     FORWARD_FROM_OPTICAL,

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from are_ros.builder.occlusion.meshes import MeshPool, MeshSelection
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.sensors.laser_scan import LaserScan
-from are_ros.builder.sensors.sensor_path import Obstacles
+from are_ros.builder.sensors.obstacles import Obstacles
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 

@@ -15,12 +15,12 @@ from are_ros.builder.sensors.colour_image import (
     ColourPixels,
     CompressedColour,
     RawColour,
+    Studio,
 )
 from are_ros.builder.sensors.depth_image import DepthImage, RawDepth
 from are_ros.builder.sensors.image import CompressedImage, Image
 from are_ros.builder.sensors.lens import Lens
-from are_ros.builder.sensors.sensor_path import Obstacles
-from are_ros.builder.sensors.studio import Studio
+from are_ros.builder.sensors.obstacles import Obstacles
 from are_ros.errors import InputError
 from are_ros.parameters.model import Parameters, RenderingParameters
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory

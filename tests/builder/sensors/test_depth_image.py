@@ -21,7 +21,7 @@ from are_ros.builder.sensors.depth_image import (
 )
 from are_ros.builder.sensors.image import Image
 from are_ros.builder.sensors.lens import Lens
-from are_ros.builder.sensors.sensor_path import Obstacles
+from are_ros.builder.sensors.obstacles import Obstacles
 from are_ros.errors import InputError
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.cameras import CameraInfo

@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 
 from are_ros.builder.occlusion.meshes import MeshPool, MeshSelection
 from are_ros.builder.occlusion.rays import VoxelField
+from are_ros.builder.sensors.obstacles import Obstacles
 from are_ros.builder.sensors.point_cloud import (
     CloudField,
     PointCloud,
     _farthest_return,
     _returns_in,
 )
-from are_ros.builder.sensors.sensor_path import Obstacles
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_map import VoxelMap

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from are_ros.builder.occlusion.meshes import MeshSelection
 from are_ros.builder.occlusion.rays import VoxelField
+from are_ros.builder.sensors.obstacles import Obstacles
 from are_ros.builder.sensors.range_reading import RangeReading
-from are_ros.builder.sensors.sensor_path import Obstacles
 from are_ros.errors import InputError
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform

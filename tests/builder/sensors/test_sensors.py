@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from are_ros.builder.sensors.laser_scan import LaserScan
-from are_ros.builder.sensors.sensor_path import Obstacles, SensorPath, SensorPathCounts
+from are_ros.builder.sensors.obstacles import Obstacles
+from are_ros.builder.sensors.sensor_path import SensorPath, SensorPathCounts
 from are_ros.errors import InputError
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.transforms.tree import FrameTree

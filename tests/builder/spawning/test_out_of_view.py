@@ -9,7 +9,7 @@ import pytest
 
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.occlusion.zbuffer import ZBuffer
-from are_ros.builder.spawning.out_of_view import OutOfView, Viewpoint
+from are_ros.builder.spawning.spawner import OutOfView, Viewpoint
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.cameras import (
     FORWARD_FROM_OPTICAL,

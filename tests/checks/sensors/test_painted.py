@@ -20,11 +20,11 @@ from are_ros.builder.sensors.colour_image import (
     ColourPixels,
     CompressedColour,
     RawColour,
+    Studio,
 )
 from are_ros.builder.sensors.image import CompressedImage, Image
 from are_ros.builder.sensors.lens import Lens
-from are_ros.builder.sensors.sensor_path import Obstacles
-from are_ros.builder.sensors.studio import Studio
+from are_ros.builder.sensors.obstacles import Obstacles
 from are_ros.checks.oracle.frames import TF
 from are_ros.checks.record import Record
 from are_ros.checks.result import CheckResult, Outcome
