@@ -15,7 +15,7 @@ from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.canvas import Canvas
 from are_ros.draw.map import View
-from are_ros.draw.palette import CONTACT, DISPLACED, DISPLACED_EDGE, WHITE, Rgb, mixed, shade_of
+from are_ros.draw.palette import CONTACT, DISPLACED, DISPLACED_EDGE, WHITE, Rgb, mixed
 from are_ros.draw.scene import Doing, Life, SceneRecord
 from are_ros.population.departures import Cause
 
@@ -34,7 +34,6 @@ DISPLACED_MARK: Final = ("lozenge", 12.0, DISPLACED, DISPLACED_EDGE)
 _SMALLEST_PX: Final = 7.0
 _FADE: Final = (0.25, 0.95)
 _PALE_FADE: Final = (0.18, 0.75)
-_MOST_VERTICES: Final = 500
 _CROWD: Final = 18
 """With more paths than this lines get thinner."""
 _MOVED_M: Final = 0.3
@@ -110,17 +109,13 @@ class Path:
 def path_of(life: Life, moved_ns: Sequence[int]) -> Path:
     """Return the path of a life that has a pose; it was displaced at the stamps `moved_ns`."""
     stamps, poses = life.footprints.stamps_ns, life.footprints.poses
-    jumps: list[int] = np.searchsorted(stamps, np.array(moved_ns, dtype=np.int64)).tolist()
-    count = len(stamps)
-    every = max(1, math.ceil(count / _MOST_VERTICES))
-    about_jumps = [i for jump in jumps for i in (jump - 1, jump) if 0 <= i < count]
-    kept = np.unique((*range(0, count, every), count - 1, *about_jumps)).astype(np.int64)
-    at = np.searchsorted(life.seen_ns, stamps[kept])
+    jumps = np.searchsorted(stamps, np.array(moved_ns, dtype=np.int64))
+    at = np.searchsorted(life.seen_ns, stamps)
     return Path(
         life,
-        poses[kept, :2],
-        np.searchsorted(life.seen_ns, stamps[kept[1:]], side="right") > at[:-1],
-        np.isin(kept[1:], np.array(jumps, dtype=np.int64)),
+        poses[:, :2],
+        np.searchsorted(life.seen_ns, stamps[1:], side="right") > at[:-1],
+        np.isin(np.arange(1, len(stamps)), jumps),
     )
 
 
@@ -147,14 +142,14 @@ def draw_paths(
     """
     thin = min(1.0, math.sqrt(_CROWD / max(len(paths), 1)))
     order = sorted(paths, key=lambda path: path.life.is_perceived)
-    shades = [shade_of(colours[path.life.row.class_name], path.life.artefact_id) for path in order]
-    for path, colour in zip(order, shades, strict=True):
+    for path in order:
         if path.length_m > _MOVED_M or path.is_jump.any():
-            _draw_line(canvas, view, path, colour, thin)
-    for path, colour in zip(order, shades, strict=True):
+            _draw_line(canvas, view, path, colours[path.life.row.class_name], thin)
+    for path in order:
         place = view.pixels(path.points_m[0])
         mark = marks.get(behaviour_of(path.life), "disc")
         alpha = 1.0 if path.life.is_perceived else 0.75
+        colour = colours[path.life.row.class_name]
         canvas.mark(mark, place, BEHAVIOUR_PX, WHITE, colour, 1.5, alpha)
 
 

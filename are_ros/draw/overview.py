@@ -72,7 +72,7 @@ from are_ros.world.voxel_map import VoxelMap
 
 Floats = npt.NDArray[np.float64]
 
-_SWEPT_FANS: Final = 60
+_SWEPT_FANS: Final = 200
 _LABEL_PX: Final = 12
 
 

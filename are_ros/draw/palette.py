@@ -1,6 +1,5 @@
 """The colours and marks of all pictures, by class, behaviour, event and time."""
 
-import colorsys
 from collections.abc import Mapping, Sequence
 from functools import cache
 from itertools import cycle
@@ -67,7 +66,6 @@ _FURTHER_CLASSES: Final[tuple[Rgb, ...]] = (
     (95, 15, 64),
     (96, 108, 56),
 )
-_SHADES: Final = (0.0, 0.1, -0.1, 0.05, -0.06)
 _MARKS: Final[Mapping[str, Any]] = {
     "square": "s",
     "disc": "o",
@@ -142,14 +140,6 @@ def _completed(
 def class_colours(names: Sequence[str]) -> dict[str, Rgb]:
     """Return a colour for each class; the classes of the shipped catalogue keep their own."""
     return _completed(_CLASSES, _FURTHER_CLASSES, names)
-
-
-def shade_of(colour: Rgb, artefact_id: int) -> Rgb:
-    """Return the colour of a class, a little lighter or darker by the id, to tell paths apart."""
-    hue, light, saturation = colorsys.rgb_to_hls(*(part / 255.0 for part in colour))
-    light = min(max(light + _SHADES[artefact_id % len(_SHADES)], 0.0), 1.0)
-    red, green, blue = (round(255.0 * part) for part in colorsys.hls_to_rgb(hue, light, saturation))
-    return red, green, blue
 
 
 def time_colour(fraction: float) -> Rgb:

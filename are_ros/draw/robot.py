@@ -30,11 +30,8 @@ _LEAST_LEVEL: Final = 0.1
 """A unit ray whose level part is shorter looks up or down."""
 _ENDLESS_M: Final = 1000.0
 _PARALLEL: Final = 1e-12
-_TURN_WEIGHT_M: Final = 0.4
-_SHORTEST_PART_M: Final = 0.2
 _ALL_AROUND_RAD: Final = math.radians(340.0)
 _SMALLEST_PX: Final = 9.0
-_MOST_VERTICES: Final = 2000
 _TIME_STEPS: Final = 64
 _SEEN_ALPHA: Final = 0.13
 
@@ -116,31 +113,9 @@ def _fan(
 
 
 def spread_indices(record: SceneRecord, count: int) -> list[int]:
-    """Return at most `count` camera poses, evenly spread over what the robot drove and turned.
-
-    The last is among them: what was seen at the end of the path is to be in view there.
-    """
-    if not len(record.camera):
-        return []
-    travelled = _travelled(record)
-    spread = np.searchsorted(travelled, _middles(travelled, count - 1)).tolist()
-    return sorted({*spread, len(travelled) - 1})
-
-
-def _travelled(record: SceneRecord) -> Floats:
-    """Return what was driven [m] and, of less weight, turned up to each camera pose."""
-    x, y, z, w = record.camera.poses[:, 3:].T
-    forward = 2.0 * np.column_stack((x * z + w * y, y * z - w * x))
-    driven = np.linalg.norm(np.diff(record.camera.poses[:, :2], axis=0), axis=1)
-    turned = np.linalg.norm(np.diff(forward, axis=0), axis=1)
-    return np.concatenate(((0.0,), np.cumsum(driven + _TURN_WEIGHT_M * turned)))
-
-
-def _middles(travelled: Floats, count: int) -> Floats:
-    """Return the middles of so many equal parts of the path, fewer if it is short."""
-    count = max(1, min(count, int(travelled[-1] / _SHORTEST_PART_M) + 1))
-    middles: Floats = (np.arange(count) + 0.5) / count * travelled[-1]
-    return middles
+    """Return at most `count` camera poses, evenly spread in time, the first and the last too."""
+    last = len(record.camera) - 1
+    return np.unique(np.linspace(0, last, min(count, last + 1)).astype(np.int64)).tolist()
 
 
 def _may_hide(life: Life, stamp_ns: int, camera_height_m: float) -> bool:
@@ -218,13 +193,11 @@ def draw_robot_path(canvas: Canvas, view: View, track: Track, fractions: Floats)
 
     Nothing is drawn across a gap of the recording.
     """
-    kept = np.linspace(0, len(track) - 1, min(len(track), _MOST_VERTICES)).astype(np.int64)
-    some = np.unique(kept)
-    points, drives = view.pixels(track.poses[some, :2]), track.drives()[some]
+    points, drives = view.pixels(track.poses[:, :2]), track.drives()
     for drive in np.unique(drives).tolist():
         if (drives == drive).sum() > 1:
             canvas.line(points[drives == drive], WHITE, 7.0)
-    steps = np.where(np.diff(drives) == 0, np.rint(fractions[some][1:] * _TIME_STEPS), -1.0)
+    steps = np.where(np.diff(drives) == 0, np.rint(fractions[1:] * _TIME_STEPS), -1.0)
     for step in np.unique(steps[steps >= 0.0]).tolist():
         chosen = np.flatnonzero(steps == step)
         for run in np.split(chosen, np.flatnonzero(np.diff(chosen) > 1) + 1):
