@@ -1,11 +1,8 @@
-"""The artefacts in a picture: footprints, paths, behaviours, followers and events."""
+"""The artefacts in a picture: footprints, paths, behaviours and events."""
 
 import math
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
-from operator import itemgetter
 from typing import Final
 
 import numpy as np
@@ -16,7 +13,7 @@ from are_ros.conventions import NS_PER_S
 from are_ros.draw.canvas import Canvas
 from are_ros.draw.map import View
 from are_ros.draw.palette import CONTACT, DISPLACED, DISPLACED_EDGE, WHITE, Rgb, mixed
-from are_ros.draw.scene import Doing, Life, SceneRecord
+from are_ros.draw.scene import Life, SceneRecord
 from are_ros.population.departures import Cause
 
 Floats = npt.NDArray[np.float64]
@@ -37,9 +34,6 @@ _PALE_FADE: Final = (0.18, 0.75)
 _CROWD: Final = 18
 """With more paths than this lines get thinner."""
 _MOVED_M: Final = 0.3
-_FOLLOWS: Final = re.compile(r"(?:following|waiting behind) artefact (\d+)")
-_SHORTEST_NS: Final = 2 * NS_PER_S
-"""A shorter stretch, as between two moments of giving way, would only be clutter in a picture."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,46 +156,6 @@ def _draw_line(canvas: Canvas, view: View, path: Path, colour: Rgb, thin: float)
     for i in np.flatnonzero(path.is_jump).tolist():
         start, end = points[i], points[i + 1]
         canvas.dashes(start, end, colour, 1.4, 0.7, JUMP_PATTERN_PX)
-
-
-@dataclass(frozen=True, eq=False)
-class Following:
-    """A follower behind its leader, from `start_ns` to `end_ns`."""
-
-    follower: Life
-    leader: Life
-    start_ns: int
-    end_ns: int
-
-
-def following_stretches(lives: Sequence[Life], end_ns: int) -> list[Following]:
-    """Return every stretch of following a leader of `lives`, as the followers' activities say."""
-    standing = {life.artefact_id: life for life in lives if len(life.footprints)}
-    return [
-        Following(life, standing[leader_id], start_ns, stop_ns)
-        for life in standing.values()
-        for leader_id, start_ns, stop_ns in _stretches(life, end_ns)
-        if leader_id in standing
-    ]
-
-
-def _stretches(life: Life, end_ns: int) -> Iterator[tuple[int, int, int]]:
-    """Yield the leaders that an artefact followed, by id, and the [start, stop) in which it did."""
-    last_ns = end_ns if life.departure_ns is None else life.departure_ns
-    stops_ns = [*(doing.since_ns for doing in life.doings[1:]), last_ns]
-    # Without a known doing there is one stop, and no doing that ends there.
-    spans = zip(map(_leader, life.doings), life.doings, stops_ns, strict=False)
-    for leader, same in groupby(spans, key=itemgetter(0)):
-        stretch = list(same)
-        start_ns, stop_ns = stretch[0][1].since_ns, stretch[-1][2]
-        if leader is not None and stop_ns - start_ns >= _SHORTEST_NS:
-            yield leader, start_ns, stop_ns
-
-
-def _leader(doing: Doing) -> int | None:
-    """Return the id of the artefact that is followed, None if none is."""
-    match = _FOLLOWS.fullmatch(doing.activity)
-    return int(match[1]) if match else None
 
 
 def contacts(record: SceneRecord) -> list[ArtefactEvent]:

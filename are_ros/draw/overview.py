@@ -46,12 +46,9 @@ from are_ros.draw.palette import (
     time_colour,
 )
 from are_ros.draw.robot import (
-    draw_ever_seen,
     draw_robot,
     draw_robot_path,
-    fan_at,
-    other_fans,
-    spread_indices,
+    fans_at,
     time_fractions,
     walls_of,
 )
@@ -72,7 +69,8 @@ from are_ros.world.voxel_map import VoxelMap
 
 Floats = npt.NDArray[np.float64]
 
-_SWEPT_FANS: Final = 200
+_SWEPT_TICKS: Final = 200
+_SEEN_ALPHA: Final = 0.13
 _LABEL_PX: Final = 12
 
 
@@ -89,9 +87,8 @@ def draw_overview(
 
     It shows the known part of the map, what stands there by the octomap (`voxels`, if there is
     one), what was in view at some time (as far as the octomap at the camera's height, or else the
-    walls of the map, and taller artefacts let the camera see), the robot's path, and each artefact
-    where it ended, with the path that it went. `ids_as_in` names where a reader finds the ids
-    again.
+    walls of the map, lets the camera see), the robot's path, and each artefact where it ended, with
+    the path that it went. `ids_as_in` names where a reader finds the ids again.
     """
     part = known_part(grid)
     shown_cells = part if voxels is None else with_furniture(grid, part, voxels)
@@ -132,11 +129,11 @@ def _extent_m(record: SceneRecord, lives: Sequence[Life]) -> Floats:
 
 def _draw_ever_seen(sheet: Sheet, record: SceneRecord, walls: VoxelField) -> None:
     """Tint what was ever in view of a camera."""
-    indices = spread_indices(record, _SWEPT_FANS)
-    found = [fan for index in indices if (fan := fan_at(record, walls, index)) is not None]
-    stamps = record.camera.stamps_ns[list(indices)].tolist()
-    found += [fan for stamp in stamps for fan in other_fans(record, walls, stamp)]
-    draw_ever_seen(sheet.canvas, sheet.view, found)
+    ticks_ns = record.series.stamps_ns
+    every = max(1, len(ticks_ns) // _SWEPT_TICKS)
+    stamps = ticks_ns[::-1][::every].tolist()  # the last tick is among them
+    fans = [fan for stamp_ns in stamps for fan in fans_at(record, walls, stamp_ns)]
+    sheet.canvas.tint([sheet.view.pixels(fan) for fan in fans], SEEN, _SEEN_ALPHA)
 
 
 def _draw_artefacts(

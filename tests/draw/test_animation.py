@@ -141,12 +141,13 @@ def test_a_contact_is_ringed() -> None:
     assert red[2] == red[0]
 
 
-def test_a_follower_is_joined_to_its_leader_while_it_follows() -> None:
+@pytest.mark.parametrize("doing", ["following artefact 1", "waiting behind artefact 1"])
+def test_a_follower_is_joined_to_its_leader_while_it_follows(doing: str) -> None:
     """Half way between the two there are dashes on the floor, and none once it does not follow."""
     follower = replace(
         walker(2, (3, 5), (3, 5.01)),
         doings=(
-            Doing(TICK_NS, "following", "following artefact 1"),
+            Doing(TICK_NS, "following", doing),
             Doing(TICK_NS * 60, "following", "walking"),
         ),
     )
@@ -178,30 +179,6 @@ def test_a_change_of_behaviour_is_told_for_some_seconds(monkeypatch: pytest.Monk
     assert max(inks[0], inks[3]) < 20
 
 
-@pytest.mark.parametrize(("ticks", "told"), [(29, "waiting for 2"), (30, "waiting for pallet 2")])
-def test_a_long_wait_is_told_with_the_class_of_what_is_waited_for(
-    ticks: int, told: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Of three seconds and more."""
-    waiting = replace(
-        walker(1, (5, 5), (5, 5.01)),
-        doings=(
-            Doing(TICK_NS, "walking"),
-            Doing(TICK_NS * 20, "walking", "waiting for artefact 2"),
-            Doing(TICK_NS * (20 + ticks), "walking"),
-        ),
-    )
-    scene = _scene(run([waiting, walker(2, (6, 5), (6, 5.01), name="pallet")]))
-    written = texts_written(monkeypatch)
-    for tick in (19, 21, 20 + ticks):
-        scene.picture(TICK_NS * tick)
-    assert [text for text in written if text.startswith("1 ")] == [
-        "1 walking",
-        f"1 {told}",
-        "1 walking",
-    ]
-
-
 def test_walls_and_the_way_of_the_robot_are_there() -> None:
     """Walls are dark where the map has them, and the way driven so far is blue."""
     scene = _scene(run([], way=ROBOT_WAY))
@@ -209,21 +186,6 @@ def test_walls_and_the_way_of_the_robot_are_there() -> None:
     assert _apart(_at(scene, picture, (0.05, 5.0)), (88, 95, 104)) < 30
     driven = _at(scene, picture, (1.5, 1.0))
     assert driven[2] > driven[0] + 50
-
-
-def test_the_robot_is_there_from_the_first_picture_on() -> None:
-    """Though its pose comes only with the first transform; one of much later does not count."""
-    late, too_late = run([], way=ROBOT_WAY), run([], way=ROBOT_WAY)
-    late.robot.__dict__["stamps_ns"] = late.robot.stamps_ns + NS_PER_S // 2
-    too_late.robot.__dict__["stamps_ns"] = too_late.robot.stamps_ns + 2 * NS_PER_S
-    inks = []
-    for record in (late, too_late):
-        scene = _scene(record)
-        x, y = np.floor(scene.view.pixels((1.0, 1.0))).astype(int).tolist()
-        part = scene.picture(TICK_NS)[y - 30 : y + 30, x - 30 : x + 30].astype(int)
-        inks.append(int((np.abs(part - (0x2F, 0x7F, 0xC1)).max(axis=2) < 40).sum()))
-    assert inks[0] > 50
-    assert inks[1] == 0
 
 
 def test_the_legend_has_the_robot_and_its_way() -> None:
