@@ -13,8 +13,10 @@ from are_ros.cli.options import (
     SECONDS,
     Amount,
     animate_option,
+    duration_option,
     octomap_option,
     parameter_options,
+    params_option,
     recording_options,
     say,
     start_option,
@@ -29,7 +31,7 @@ _PORT: Final = 8080
 @recording_options
 @octomap_option
 @start_option
-@click.option("--duration", "duration_s", type=SECONDS, help="Length to replay.")
+@duration_option
 @click.option("--out", type=FILE, default=Path("out"), show_default=True, help="Output folder.")
 @click.option(
     "--scenario",
@@ -89,7 +91,7 @@ def inspect(**options: Any) -> None:
 @click.command(short_help="Find where a map lies, by the scans of a recording.")
 @recording_options
 @start_option
-@click.option("--duration", "duration_s", type=SECONDS, help="Length to read.")
+@duration_option
 @click.option(
     "--out",
     metavar="FILE.png",
@@ -326,14 +328,7 @@ _MOST_COMPONENTS = 32
 @click.option(
     "--out", type=FILE, default=Path("fit"), show_default=True, help="Folder of the results."
 )
-@click.option(
-    "--params",
-    "parameter_files",
-    metavar="FILE",
-    type=FILE,
-    multiple=True,
-    help="A ros__parameters file that names the catalogue. Repeatable.",
-)
+@params_option
 @click.option(
     "--seed",
     type=click.IntRange(min=0),

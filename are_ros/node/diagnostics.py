@@ -18,8 +18,10 @@ from are_ros.messages.sensors import SENSORS
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.watches import (
     GRACE_S,
+    LATELY_NS,
+    MINUTE_NS,
     CountWatch,
-    FaultSnapshot,
+    FaultWatch,
     InputSnapshot,
     TickFigures,
 )
@@ -143,7 +145,7 @@ class NodeSnapshot:
     population: PopulationSnapshot = field(default_factory=PopulationSnapshot)
     contacts: ContactSnapshot = field(default_factory=ContactSnapshot)
     sensors: tuple[SensorSnapshot, ...] = ()
-    faults: FaultSnapshot = field(default_factory=FaultSnapshot)
+    faults: FaultWatch = field(default_factory=FaultWatch)
 
 
 # The status of an input.
@@ -381,7 +383,7 @@ def _population(snapshot: NodeSnapshot) -> Status:
 
 def _behaviours(snapshot: NodeSnapshot) -> Status:
     faults = snapshot.faults
-    values = {name: f"{count} failed" for name, count in faults.counts.items()}
+    values = {name: f"{count} failed" for name, count in sorted(faults.counts.items())}
     said = [faults.hung] if faults.hung else []
     if faults.counts:
         who = counted(sum(faults.counts.values()), "artefact")
@@ -426,10 +428,6 @@ def _sensor(sensor: SensorSnapshot) -> Status:
 # The snapshot is taken and published once a second.
 
 
-_MINUTE_NS: Final = 60 * NS_PER_S
-_LATELY_NS: Final = 10 * NS_PER_S
-
-
 class Reporter:
     """Gathers the diagnostics from the node's parts and publishes them; times are monotonic.
 
@@ -442,7 +440,7 @@ class Reporter:
     def __init__(self, node: "Node", publisher: Any) -> None:
         self._node = node
         self._publisher = publisher
-        self._blocked, self._arrived = CountWatch(_MINUTE_NS), CountWatch(_MINUTE_NS)
+        self._blocked, self._arrived = CountWatch(MINUTE_NS), CountWatch(MINUTE_NS)
         self._passed: dict[str, CountWatch] = {}
         self._last_contact: tuple[str, int] | None = None
         self.clock_doubt = ""
@@ -501,7 +499,7 @@ class Reporter:
             "ticks": live.watch.figures(now_ns),
             "population": self._population(builder, now_ns),
             "contacts": self._contacts(builder, now_ns),
-            "faults": live.faults.snapshot(),
+            "faults": live.faults,
             "sensors": tuple(self._sensors(live, now_ns)),
         }
 
@@ -538,7 +536,7 @@ class Reporter:
         builder = live.builder
         problems, late_ns = builder.sensors.problems(), builder.sensors.late_ns()
         for topic, counts in builder.sensors.counts().items():
-            watch = self._passed.setdefault(topic, CountWatch(_LATELY_NS))
+            watch = self._passed.setdefault(topic, CountWatch(LATELY_NS))
             watch.update(now_ns, counts.passed_through)
             yield SensorSnapshot(
                 topic=topic,

@@ -1,6 +1,7 @@
 """What the diagnostics say, and how urgently, against their page in the docs."""
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +21,7 @@ from are_ros.node.diagnostics import (
     encode_diagnostics,
     statuses,
 )
-from are_ros.node.watches import FaultSnapshot, InputSnapshot, TickFigures
+from are_ros.node.watches import FaultWatch, InputSnapshot, TickFigures
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "diagnostics.md"
 NO_MAP = InputSnapshot("map", "/map", is_required=True, is_latched=True)
@@ -147,7 +148,7 @@ BLOCKED = (
 )
 TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
     (
-        {"faults": FaultSnapshot({"a:A": 2, "b:B": 1}, "b:B fell")},
+        {"faults": FaultWatch(Counter({"b:B": 1, "a:A": 2}), "b:B fell")},
         "behaviours",
         Level.WARN,
         "the behaviour of 3 artefacts has failed, and they stand; the last: b:B fell",
@@ -214,7 +215,7 @@ TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
         "for 130.0 ms the node did not answer: machine",
     ),
     (
-        {"faults": FaultSnapshot(hung="the behaviour a:A of artefact 7 (guest) did not return")},
+        {"faults": FaultWatch(hung="the behaviour a:A of artefact 7 (guest) did not return")},
         "behaviours",
         Level.WARN,
         "the behaviour a:A of artefact 7 (guest) did not return",

@@ -20,6 +20,5 @@ def test_each_behaviour_is_told_of_at_once_and_then_once_a_minute() -> None:
     later = 60 * NS_PER_S + 1
     assert watch.sentences(later) == ["three fell; it stands from now on, as 1 other before it"]
     assert watch.sentences(10 * later) == []
-    snapshot = watch.snapshot()
-    assert snapshot.counts == {"a:A": 3, "b:B": 1}
-    assert snapshot.last == "another fell"
+    assert watch.counts == {"a:A": 3, "b:B": 1}
+    assert watch.last == "another fell"
