@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from scipy.special import gammainccinv, gammaincinv
 
 from are_ros.bag.decoded import Perceived, Scene, Sighting
-from are_ros.checks.oracle.plane import PlainBoxes
-from are_ros.checks.oracle.solids import Cover, Covers, RealMap
+from are_ros.checks.oracle.plane import PlainBoxes, about_z
+from are_ros.checks.oracle.solids import Cover, RealMap, covers_of
 from are_ros.checks.record import Record
 from are_ros.checks.result import CheckResult, Tally, at_s, skipped
 from are_ros.checks.sightings import FIRST_FALSE_ALARM
@@ -28,7 +28,6 @@ class PerceivedPlaces:
 
     def __init__(self) -> None:
         self._offsets_m: dict[int, Floats] = {}
-        self._covers: Covers | None = None
 
     def learn(self, scene: Scene) -> None:
         """Learn where the boxes of artefacts sit in F_A: those of false alarms, in the middle."""
@@ -36,9 +35,7 @@ class PerceivedPlaces:
 
     def covers(self, message: Perceived, real: RealMap) -> dict[int, Cover]:
         """Return the cells of each, by id."""
-        if self._covers is None or self._covers.real is not real:
-            self._covers = Covers(real)
-        found = self._covers.of(self._boxes(message))
+        found = covers_of(self._boxes(message), real)
         return dict(zip((one.artefact_id for one in message.sightings), found, strict=True))
 
     def _boxes(self, message: Perceived) -> PlainBoxes:
@@ -160,9 +157,7 @@ def _of_pose(one: Sighting, scene: Scene, k: int) -> _Deviation:
 
 def _of_twist(one: Sighting, scene: Scene, k: int) -> _Deviation:
     """Compare the rates in the map; the twist is in the axes of the pose that was told."""
-    yaw = 2.0 * np.arctan2(one.pose[5], one.pose[6])
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    turn = np.array(((cos, -sin, 0.0), (sin, cos, 0.0), (0.0, 0.0, 1.0)))
+    turn = about_z(2.0 * np.arctan2(one.pose[5], one.pose[6]))
     told = turn @ np.array((one.twist[0], one.twist[1], one.twist[5]))
     covariance = np.array(one.twist_covariance).reshape(6, 6)[_PLANAR]
     return _normalised(told - scene.rates[k], turn @ covariance @ turn.T)

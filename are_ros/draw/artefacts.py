@@ -17,13 +17,11 @@ from are_ros.draw.scene import Life, SceneRecord
 from are_ros.population.departures import Cause
 
 Floats = npt.NDArray[np.float64]
-Stamps = npt.NDArray[np.int64]
 
 UNSEEN_ALPHA: Final = 0.34
 GONE_ALPHA: Final = 0.15
 PATH_PX, SEEN_PATH_PX = 1.8, 4.4
 BEHAVIOUR_PX: Final = 9.5
-JUMP_PATTERN_PX: Final = (0.8, 4.0)
 CONTACT_MARK: Final = ("burst", 15.0, CONTACT, WHITE)
 DISPLACED_MARK: Final = ("lozenge", 12.0, DISPLACED, DISPLACED_EDGE)
 """Name, size [px], face and edge."""
@@ -86,40 +84,24 @@ def behaviour_of(life: Life) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """Where an artefact went: points (N, 2) [m], which steps (N - 1,) were seen, which jumps."""
+    """Where an artefact went: points (N, 2) [m], and which steps (N - 1,) were seen."""
 
     life: Life
     points_m: Floats
     is_seen: npt.NDArray[np.bool_]
-    is_jump: npt.NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, life: Life) -> "Path":
+        """Return the path of a life that has a pose."""
+        stamps = life.footprints.stamps_ns
+        before = np.searchsorted(life.seen_ns, stamps[:-1])
+        is_seen = np.searchsorted(life.seen_ns, stamps[1:], side="right") > before
+        return cls(life, life.footprints.poses[:, :2], is_seen)
 
     @property
     def length_m(self) -> float:
-        """The length of what the artefact went by itself."""
-        steps = np.linalg.norm(np.diff(self.points_m, axis=0), axis=1)
-        return float(steps[~self.is_jump].sum())
-
-
-def path_of(life: Life, moved_ns: Sequence[int]) -> Path:
-    """Return the path of a life that has a pose; it was displaced at the stamps `moved_ns`."""
-    stamps, poses = life.footprints.stamps_ns, life.footprints.poses
-    jumps = np.searchsorted(stamps, np.array(moved_ns, dtype=np.int64))
-    at = np.searchsorted(life.seen_ns, stamps)
-    return Path(
-        life,
-        poses[:, :2],
-        np.searchsorted(life.seen_ns, stamps[1:], side="right") > at[:-1],
-        np.isin(np.arange(1, len(stamps)), jumps),
-    )
-
-
-def displacements(events: Sequence[ArtefactEvent]) -> dict[int, list[int]]:
-    """Return when each artefact was moved by the resolution of collisions."""
-    moved: dict[int, list[int]] = {}
-    for event in events:
-        if event.kind is EventKind.DISPLACED:
-            moved.setdefault(event.artefact_id, []).append(event.stamp_ns)
-    return moved
+        """How far the artefact came."""
+        return float(np.linalg.norm(np.diff(self.points_m, axis=0), axis=1).sum())
 
 
 def draw_paths(
@@ -137,7 +119,7 @@ def draw_paths(
     thin = min(1.0, math.sqrt(_CROWD / max(len(paths), 1)))
     order = sorted(paths, key=lambda path: path.life.is_perceived)
     for path in order:
-        if path.length_m > _MOVED_M or path.is_jump.any():
+        if path.length_m > _MOVED_M:
             _draw_line(canvas, view, path, colours[path.life.row.class_name], thin)
     for path in order:
         place = view.pixels(path.points_m[0])
@@ -150,12 +132,8 @@ def draw_paths(
 def _draw_line(canvas: Canvas, view: View, path: Path, colour: Rgb, thin: float) -> None:
     points = view.pixels(path.points_m)
     widths = thin * np.where(path.is_seen, SEEN_PATH_PX, PATH_PX)
-    widths[path.is_jump] = 0.0
     fade = _FADE if path.life.is_perceived else _PALE_FADE
     canvas.fading(points, colour, widths, np.linspace(*fade, len(widths)))
-    for i in np.flatnonzero(path.is_jump).tolist():
-        start, end = points[i], points[i + 1]
-        canvas.dashes(start, end, colour, 1.4, 0.7, JUMP_PATTERN_PX)
 
 
 def contacts(record: SceneRecord) -> list[ArtefactEvent]:
@@ -173,21 +151,9 @@ def forced(record: SceneRecord) -> list[ArtefactEvent]:
     ]
 
 
-def mark_places(record: SceneRecord) -> tuple[Floats, Floats]:
-    """Return where displacements ended (N, 2) and where the robot was at its contacts (M, 2) [m].
-
-    Where the robot is not known, it is the artefact's place.
-    """
+def places_of(record: SceneRecord, events: Sequence[ArtefactEvent]) -> Floats:
+    """Return where the artefacts stood from the event on (N, 2) [m]."""
     lives = {life.artefact_id: life for life in record.lives if len(life.footprints)}
-    touched, robot = contacts(record), record.robot
-    if not len(robot):
-        return _ends(forced(record), lives), _ends(touched, lives)
-    at = np.searchsorted(robot.stamps_ns, [event.stamp_ns for event in touched], side="right")
-    return _ends(forced(record), lives), robot.poses[np.maximum(at - 1, 0), :2]
-
-
-def _ends(events: Sequence[ArtefactEvent], lives: Mapping[int, Life]) -> Floats:
-    """Return where the artefacts stood from the event on (N, 2)."""
     places = []
     for event in events:
         if life := lives.get(event.artefact_id):

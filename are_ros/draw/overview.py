@@ -21,16 +21,15 @@ from are_ros.draw.artefacts import (
     PATH_PX,
     SEEN_PATH_PX,
     UNSEEN_ALPHA,
+    Path,
     behaviour_of,
     contacts,
-    displacements,
     draw_artefact,
     draw_paths,
     forced,
     is_gone,
-    mark_places,
     outline_of,
-    path_of,
+    places_of,
 )
 from are_ros.draw.canvas import Canvas, bounds_of
 from are_ros.draw.map import View, draw_map, known_part, window_of, with_furniture
@@ -96,8 +95,7 @@ def draw_overview(
     # On top are those still there, and those perceived.
     standing = [life for life in record.lives if len(life.footprints)]
     standing.sort(key=lambda life: (not is_gone(life, end_ns), life.is_perceived))
-    moved = displacements(record.events)
-    paths = [path_of(life, moved.get(life.artefact_id, ())) for life in standing]
+    paths = [Path.of(life) for life in standing]
     colours = class_colours([life.row.class_name for life in record.lives])
     marks = behaviour_marks([behaviour_of(life) for life in standing])
     window = window_of(grid, part, _extent_m(record, standing))
@@ -164,9 +162,9 @@ def _draw_robot(sheet: Sheet, record: SceneRecord) -> None:
 
 def _draw_events(sheet: Sheet, record: SceneRecord) -> None:
     """Mark displacements and contacts."""
-    kinds = zip(mark_places(record), (DISPLACED_MARK, CONTACT_MARK), strict=True)
-    for places, (name, size_px, face, edge) in kinds:
-        for place in sheet.view.pixels(places):
+    kinds = ((forced(record), DISPLACED_MARK), (contacts(record), CONTACT_MARK))
+    for events, (name, size_px, face, edge) in kinds:
+        for place in sheet.view.pixels(places_of(record, events)):
             sheet.canvas.mark(name, place, size_px, face, edge, 1.2)
 
 

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.draw.canvas import Canvas, Rectangle, text_size
+from are_ros.draw.canvas import Canvas, Rectangle, corners_of, text_size
 from are_ros.draw.map import View, Window
 from are_ros.draw.palette import FAINT_INK, GREY, INK, PAPER, WHITE, Rgb, time_colour
 from are_ros.population.scenario import FIRST_ADMITTED_ID
@@ -50,7 +50,9 @@ class Entry(NamedTuple):
 
 def patch_sign(colour: Rgb, alpha: float = 1.0) -> Sign:
     """Return the sign of what is filled."""
-    return lambda canvas, x, y: canvas.fill(_box(x, y), colour, alpha)
+    return lambda canvas, x, y: canvas.fill(
+        corners_of((x, y - 5.5, x + SIGN_PX, y + 5.5)), colour, alpha
+    )
 
 
 def line_sign(colour: Rgb, width_px: float, alpha: float = 1.0) -> Sign:
@@ -161,9 +163,7 @@ class Sheet:
         canvas = Canvas(size, _FINE)
         shown = _widened(window, width / px_per_m, height / px_per_m)
         view = View(shown, px_per_m, _MARGIN_PX, _HEADER_PX)
-        left, top, right, bottom = view.rectangle
-        corners = ((left, top), (right, top), (right, bottom), (left, bottom))
-        canvas.fill(np.array(corners), PAPER)
+        canvas.fill(corners_of(view.rectangle), PAPER)
         return cls(canvas, view, tuple(rows))
 
     def write(
@@ -199,9 +199,8 @@ class Sheet:
         left, top, high = right - 192.0, bottom + 34.0, 11.0
         edges = np.linspace(left, right, 97)
         for i in range(96):
-            x0, x1 = edges[i], edges[i + 1]
-            corners = ((x0, top), (x1, top), (x1, top + high), (x0, top + high))
-            self.canvas.fill(np.array(corners), time_colour((i + 0.5) / 96))
+            corners = corners_of((edges[i], top, edges[i + 1], top + high))
+            self.canvas.fill(corners, time_colour((i + 0.5) / 96))
         middle = 0.5 * (left + right)
         for text, x, y, anchor in (
             ("path of the robot", middle, top - 3.0, (0.5, 1.0)),
@@ -227,10 +226,6 @@ def round_length_m(longest_m: float) -> float:
     """Return the largest of 1, 2, 5 times a power of ten that is not longer."""
     power = 10.0 ** math.floor(math.log10(longest_m))
     return max(step * power for step in (1, 2, 5) if step * power <= longest_m * 1.000001)
-
-
-def _box(x: float, y: float) -> Floats:
-    return np.array(((x, y - 5.5), (x + SIGN_PX, y - 5.5), (x + SIGN_PX, y + 5.5), (x, y + 5.5)))
 
 
 def _level(x: float, y: float) -> Floats:

@@ -109,16 +109,6 @@ class PopulationSnapshot:
 
 
 @dataclass(frozen=True)
-class ContactSnapshot:
-    """The robot's contacts with artefacts: their number, and the last one."""
-
-    count: int = 0
-    last: str = ""
-    """As "person_adult 7, 0.05 m deep"."""
-    last_age_s: float | None = None
-
-
-@dataclass(frozen=True)
 class NodeSnapshot:
     """The node at one moment. A problem is one sentence, empty where there is none.
 
@@ -143,7 +133,10 @@ class NodeSnapshot:
     busy_ms: Mapping[str, float] = field(default_factory=dict)
     """The longest time without an answer in the last minute, by kind of work."""
     population: PopulationSnapshot = field(default_factory=PopulationSnapshot)
-    contacts: ContactSnapshot = field(default_factory=ContactSnapshot)
+    contacts: int = 0
+    last_contact: str = ""
+    """As "person_adult 7, 0.05 m deep"."""
+    last_contact_age_s: float = math.inf
     sensors: tuple[SensorSnapshot, ...] = ()
     faults: FaultWatch = field(default_factory=FaultWatch)
 
@@ -394,12 +387,12 @@ def _behaviours(snapshot: NodeSnapshot) -> Status:
 
 
 def _contacts(snapshot: NodeSnapshot) -> Status:
-    contacts = snapshot.contacts
-    values = {"contacts": str(contacts.count), "last": contacts.last or "-"}
-    if contacts.last_age_s is not None and contacts.last_age_s <= _CONTACT_S:
-        message = f"the robot has touched {contacts.last}, {contacts.last_age_s:.1f} s ago"
+    last, age_s = snapshot.last_contact, snapshot.last_contact_age_s
+    values = {"contacts": str(snapshot.contacts), "last": last or "-"}
+    if age_s <= _CONTACT_S:
+        message = f"the robot has touched {last}, {age_s:.1f} s ago"
         return Status(Level.WARN, "robot contact", message, values)
-    return Status(Level.OK, "robot contact", counted(contacts.count, "contact"), values)
+    return Status(Level.OK, "robot contact", counted(snapshot.contacts, "contact"), values)
 
 
 def _sensor(sensor: SensorSnapshot) -> Status:
@@ -428,6 +421,9 @@ def _sensor(sensor: SensorSnapshot) -> Status:
 # The snapshot is taken and published once a second.
 
 
+_NEVER_NS: Final = -(2**63)
+
+
 class Reporter:
     """Gathers the diagnostics from the node's parts and publishes them; times are monotonic.
 
@@ -442,7 +438,7 @@ class Reporter:
         self._publisher = publisher
         self._blocked, self._arrived = CountWatch(MINUTE_NS), CountWatch(MINUTE_NS)
         self._passed: dict[str, CountWatch] = {}
-        self._last_contact: tuple[str, int] | None = None
+        self._last_contact, self._contact_ns = "", _NEVER_NS
         self.clock_doubt = ""
         """A warning about the clock for the log, empty if there is none."""
 
@@ -450,8 +446,8 @@ class Reporter:
         """Take the events since the last tick; the last contact of the robot is kept."""
         for event in events:
             if event.kind is EventKind.ROBOT_CONTACT:
-                last = f"{event.label} {event.artefact_id}, {event.value:.2f} m deep"
-                self._last_contact = (last, now_ns)
+                self._last_contact = f"{event.label} {event.artefact_id}, {event.value:.2f} m deep"
+                self._contact_ns = now_ns
 
     def report(
         self,
@@ -498,7 +494,9 @@ class Reporter:
             "cloud_problem": f"nothing joins its frame '{frame}' to the map" if frame else "",
             "ticks": live.watch.figures(now_ns),
             "population": self._population(builder, now_ns),
-            "contacts": self._contacts(builder, now_ns),
+            "contacts": builder.lives.crowd.contacts.count,
+            "last_contact": self._last_contact,
+            "last_contact_age_s": (now_ns - self._contact_ns) / NS_PER_S,
             "faults": live.faults,
             "sensors": tuple(self._sensors(live, now_ns)),
         }
@@ -524,13 +522,6 @@ class Reporter:
             blocked_lately=self._blocked.growth(now_ns),
             is_map_closed=builder.world.grid is not None and not builder.world.has_free_cells,
         )
-
-    def _contacts(self, builder: ArBuilder, now_ns: int) -> ContactSnapshot:
-        count = builder.lives.crowd.contacts.count
-        if self._last_contact is None:
-            return ContactSnapshot(count)
-        last, then_ns = self._last_contact
-        return ContactSnapshot(count, last, (now_ns - then_ns) / NS_PER_S)
 
     def _sensors(self, live: LiveBuilder, now_ns: int) -> Iterator[SensorSnapshot]:
         builder = live.builder

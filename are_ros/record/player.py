@@ -129,8 +129,6 @@ class RealTimePace(Pace):
         time.sleep(_REST_S)
 
 
-__all__ = ("PlayOptions", "PlayOutcome", "play")
-
 _LATE_S: Final = 0.1
 _LINGER_S: Final = 0.1
 """The publishers stay this long, so that the last messages arrive. (Acknowledgements take up to

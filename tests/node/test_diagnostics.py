@@ -11,7 +11,6 @@ import pytest
 
 from are_ros.bag.types import jazzy_typestore
 from are_ros.node.diagnostics import (
-    ContactSnapshot,
     Level,
     NodeSnapshot,
     NodeState,
@@ -233,7 +232,7 @@ TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
         "the map has no free cell: nobody can arrive",
     ),
     (
-        {"contacts": ContactSnapshot(2, "person_adult 7, 0.05 m deep", 5.0)},
+        {"contacts": 2, "last_contact": "person_adult 7, 0.05 m deep", "last_contact_age_s": 5.0},
         "robot contact",
         Level.WARN,
         "the robot has touched person_adult 7, 0.05 m deep, 5.0 s ago",
@@ -288,7 +287,7 @@ def test_trouble_is_told_by_the_part_that_has_it(
         {"busy_ms": {"preparing": 400.0}},
         {"population": PopulationSnapshot(arrivals_lately=1, blocked_lately=2)},
         {"population": PopulationSnapshot(arrivals_lately=5, blocked_lately=5)},
-        {"contacts": ContactSnapshot(2, "person_adult 7", 5.1)},
+        {"contacts": 2, "last_contact": "person_adult 7", "last_contact_age_s": 5.1},
         {"sensors": (SensorSnapshot("/a", passed_through=9, last_problem="no frame 'x'"),)},
         {"uses_sim_time": True},
         {"stamps_ahead_s": -86_400.0},
