@@ -47,7 +47,7 @@ def node(
 
     What follows `--ros-args` goes to ROS as it is: -p, -r, --params-file, --log-level.
     """
-    _require_ros()
+    require_ros()
     from are_ros.node.startup import main as run_node
     from are_ros.parameters.ros_yaml import assignment_for_ros, files_beside, in_any_namespace
 
@@ -94,7 +94,7 @@ def guard(namespace: str | None, ros_args: tuple[str, ...]) -> None:
     and an empty artefact map. What follows `--ros-args` goes to ROS as it is; remap `map` as for
     the node.
     """
-    _require_ros()
+    require_ros()
     from are_ros.node.guard import main as run_guard
 
     _check_ros_args(ros_args)
@@ -139,7 +139,7 @@ def play(**options: Any) -> None:
 
     Quality of service is as recorded; ROS 1 recordings are played as ROS 2.
     """
-    _require_ros()
+    require_ros()
     from are_ros.record.commands import play_command
 
     if not play_command(say, **options):
@@ -167,7 +167,7 @@ def play(**options: Any) -> None:
 @click.option("--overwrite", is_flag=True, help="Replace a recording that is there.")
 def record(**options: Any) -> None:
     """Record live topics, until Ctrl-C, into OUT, an .mcap file."""
-    _require_ros()
+    require_ros()
     from are_ros.record.commands import record_command
 
     if not record_command(say, **options):
@@ -188,22 +188,14 @@ def demo(**options: Any) -> None:
     The folder gets augmented.mcap (inputs and outputs as they were on the wire), view.html (a page
     to look around in), overview.png (who went where), effective.yaml and the node's log.
     """
-    _require_ros()
+    require_ros()
     from are_ros.record.commands import demo_command
 
     if not demo_command(say, **options):
         sys.exit(IMPERFECT)
 
 
-def view_live(namespace: str | None, port: int) -> None:
-    """Serve the scene of the running node, until Ctrl-C; `are view --live`."""
-    _require_ros()
-    from are_ros.record.live_view import view_live_command
-
-    view_live_command(say, namespace or "", port)
-
-
-def _require_ros() -> None:
+def require_ros() -> None:
     """Raise NodeError, with the remedy, where rclpy is not installed."""
     if find_spec("rclpy") is None:
         raise NodeError(

@@ -6,6 +6,7 @@ from typing import Any, Final, NoReturn
 
 import click
 
+from are_ros.cli.live import require_ros
 from are_ros.cli.options import (
     FILE,
     IMPERFECT,
@@ -201,9 +202,10 @@ def view(
     if live:
         if recording is not None or out is not None or animate is not None:
             raise click.UsageError("--live shows the running node: no RECORDING, --out, --animate")
-        from are_ros.cli.live import view_live
+        require_ros()
+        from are_ros.record.live_view import view_live_command
 
-        view_live(namespace, _PORT if port is None else port)
+        view_live_command(say, namespace or "", _PORT if port is None else port)
         return
     if port is not None or namespace is not None:
         raise click.UsageError("--port and --namespace are for --live")

@@ -44,7 +44,6 @@ from are_ros.draw.sheet import (
     patch_sign,
     ring_sign,
     robot_sign,
-    row_width_px,
     rows_of,
 )
 from are_ros.errors import BagError
@@ -68,11 +67,7 @@ _MOST_BYTES: Final = 10_000_000
 _LARGEST_PX: Final = (840, 620)
 _NARROWEST_PX: Final = 360
 _MARGIN_PX: Final = 12
-_CLOCK_PX: Final = 350
-"""What the time and the counts take of the header."""
 _TEXT_PX, _LABEL_PX = 13, 11
-_MOST_TOLD: Final = 16
-"""Of more artefacts than these only the perceived have words beside their ids."""
 _TAIL_NS: Final = 4 * NS_PER_S
 _JUMP_M: Final = 0.5
 _FLASH_NS: Final = 6 * NS_PER_S // 5
@@ -239,7 +234,7 @@ class Frames:
         self._tag_colours = behaviour_colours(
             [doing.behaviour for life in record.lives for doing in life.doings]
         )
-        self.footer_px = ROW_PX * max(len(_rows_below(self.legend()[1], self._width_px)), 1)
+        self.footer_px = ROW_PX * max(len(_rows_below(self.legend(), self._width_px)), 1)
         """How high the rows of the legend below the map are."""
         width, height = self.size_px
         self._ground = Canvas((width, height))
@@ -247,7 +242,7 @@ class Frames:
         draw_map(self._ground, self.view, grid, part)
         self._ground.pixels[height - self.footer_px :] = WHITE
         self.forget()
-        draw_legend(self._ground, *self.legend())
+        draw_legend(self._ground, self.legend())
 
     @property
     def size_px(self) -> tuple[int, int]:
@@ -320,22 +315,16 @@ class Frames:
             canvas.line(outline, SEEN, 1.0, 2.25 * _FAN_ALPHA, closed=True)
 
     def _draw_robot_path(self, canvas: Canvas, stamp_ns: int) -> None:
-        track = self._record.robot
-        count = int(np.searchsorted(track.stamps_ns, stamp_ns, side="right"))
-        drives = track.drives()[:count]
-        for drive in np.unique(drives).tolist():
-            driven_m = track.poses[:count, :2][drives == drive]
-            if len(driven_m) > 1:
-                canvas.line(self.view.pixels(driven_m), _PATH_COLOUR, 2.0)
+        for poses in self._record.robot.until(stamp_ns).drives():
+            if len(poses) > 1:
+                canvas.line(self.view.pixels(poses[:, :2]), _PATH_COLOUR, 2.0)
 
     def _draw_robot(self, canvas: Canvas, stamp_ns: int) -> list[Rectangle]:
         """Draw the robot where it was last known; return its rectangle."""
-        track = self._record.robot
-        index = int(np.searchsorted(track.stamps_ns, stamp_ns, side="right")) - 1
-        if index < 0:
+        poses = self._record.robot.until(stamp_ns).poses
+        if not len(poses):
             return []
-        pose = track.poses[index]
-        outline = draw_robot(canvas, self.view, self._record.footprint, pose, ROBOT)
+        outline = draw_robot(canvas, self.view, self._record.footprint, poses[-1], ROBOT)
         return [bounds_of(outline)]
 
     def _draw_flashes(self, canvas: Canvas, stamp_ns: int) -> None:
@@ -359,7 +348,11 @@ class Frames:
         news = [Label(a.number, boxes[a.number], (a.news.text,)) for a in actors if a.news]
         tags = self._tags.place(news, [*boxes.values()], taken)
         tagged = {placed.label.key for placed in tags}
-        labels = [one for one in _labels_of(actors, boxes) if one.key not in tagged]
+        labels = [
+            Label(actor.number, boxes[actor.number], actor.texts)
+            for actor in sorted(actors, key=lambda actor: not actor.is_perceived)
+            if actor.number not in tagged
+        ]
         taken = [*taken, *(_padded(placed.place) for placed in tags)]
         for placed in self._labels.place(labels, [*boxes.values()], taken):
             actor = by_number[placed.label.key]
@@ -383,18 +376,16 @@ class Frames:
         canvas.text(f"{int(passed_ns) / NS_PER_S:5.1f} s", (_MARGIN_PX, 7), _TEXT_PX)
         canvas.text(count, (84, 7), _TEXT_PX)
 
-    def legend(self) -> tuple[list[Entry], list[Entry]]:
-        """Return what is named in the header, which is the robot's, and in the footer."""
-        header = []
+    def legend(self) -> list[Entry]:
+        """Return what is named below the map."""
+        footer = []
         if len(self._record.robot):
-            header = [
-                Entry("real robot", robot_sign(ROBOT)),
-                Entry("its path", line_sign(_PATH_COLOUR, 2.0)),
-            ]
+            footer.append(Entry("real robot", robot_sign(ROBOT)))
+            footer.append(Entry("its path", line_sign(_PATH_COLOUR, 2.0)))
         if self._record.has_cameras:
-            header.append(Entry("field of view", patch_sign(SEEN, 0.25)))
+            footer.append(Entry("field of view", patch_sign(SEEN, 0.25)))
         names = sorted({life.row.class_name for life in self._record.lives})
-        footer = [Entry(name, patch_sign(self._colours[name])) for name in names]
+        footer += [Entry(name, patch_sign(self._colours[name])) for name in names]
         if names:
             footer.append(Entry("perceived", patch_sign(GREY)))
             footer.append(Entry("not perceived", patch_sign(GREY, 0.34)))
@@ -407,26 +398,21 @@ class Frames:
         doings = [doing for life in self._record.lives for doing in life.doings]
         if any(_leader(doing) is not None for doing in doings):
             footer.append(Entry("follows", dashed_sign(FOLLOWING, 1.0, _FOLLOWING_PATTERN_PX)))
-        return header, footer
+        return footer
 
 
-def draw_legend(canvas: Canvas, header: Sequence[Entry], footer: Sequence[Entry]) -> None:
-    """Draw the header's entries, at its right and as many as fit, and the rows of the footer."""
+def draw_legend(canvas: Canvas, entries: Sequence[Entry]) -> None:
+    """Draw the rows of the legend below the map."""
     width, height = canvas.size_px
-    count = len(header)
-    while count and row_width_px(header[:count], _TEXT_PX) > width - _CLOCK_PX - _MARGIN_PX:
-        count -= 1
-    left = width - row_width_px(header[:count], _TEXT_PX) - _MARGIN_PX
-    draw_row(canvas, header[:count], (left, 0.5 * HEADER_PX), _TEXT_PX)
-    rows = _rows_below(footer, width)
+    rows = _rows_below(entries, width)
     for number, row in enumerate(rows):
         y_px = height - ROW_PX * (len(rows) - number - 0.5)
         draw_row(canvas, row, (_MARGIN_PX, y_px), _TEXT_PX)
 
 
-def _rows_below(footer: Sequence[Entry], width_px: int) -> list[list[Entry]]:
-    """Return the rows of the footer, in a picture of a width."""
-    return rows_of(footer, width_px - 2 * _MARGIN_PX, _TEXT_PX)
+def _rows_below(entries: Sequence[Entry], width_px: int) -> list[list[Entry]]:
+    """Return the rows of the legend, in a picture of a width."""
+    return rows_of(entries, width_px - 2 * _MARGIN_PX, _TEXT_PX)
 
 
 def _leader(doing: Doing) -> int | None:
@@ -442,19 +428,6 @@ def _draw_following(canvas: Canvas, actors: Sequence[_Actor]) -> None:
         if actor.leader in centres:
             ends = centres[actor.number], centres[actor.leader]
             canvas.dashes(*ends, FOLLOWING, pattern_px=_FOLLOWING_PATTERN_PX)
-
-
-def _labels_of(actors: Sequence[_Actor], boxes: Mapping[int, Rectangle]) -> list[Label]:
-    """Return the labels; the perceived artefacts come first, and of many only they have words."""
-    is_few = len(actors) <= _MOST_TOLD
-    return [
-        Label(
-            actor.number,
-            boxes[actor.number],
-            actor.texts if actor.is_perceived or is_few else actor.texts[1:],
-        )
-        for actor in sorted(actors, key=lambda actor: not actor.is_perceived)
-    ]
 
 
 def _padded(place: Rectangle) -> Rectangle:

@@ -109,12 +109,12 @@ def draw_paths(
     view: View,
     paths: Sequence[Path],
     colours: Mapping[str, Rgb],
-    marks: Mapping[str, str],
+    behaviours: Mapping[str, Rgb],
 ) -> None:
     """Draw all paths; those never perceived lie below the others, and are paler.
 
-    A path fades in from its beginning and is thick where its artefact was perceived. A mark at its
-    beginning tells the behaviour.
+    A path fades in from its beginning and is thick where its artefact was perceived. A disc at its
+    beginning has the colour of the behaviour.
     """
     thin = min(1.0, math.sqrt(_CROWD / max(len(paths), 1)))
     order = sorted(paths, key=lambda path: path.life.is_perceived)
@@ -123,10 +123,10 @@ def draw_paths(
             _draw_line(canvas, view, path, colours[path.life.row.class_name], thin)
     for path in order:
         place = view.pixels(path.points_m[0])
-        mark = marks.get(behaviour_of(path.life), "disc")
+        face = behaviours.get(behaviour_of(path.life), WHITE)
         alpha = 1.0 if path.life.is_perceived else 0.75
         colour = colours[path.life.row.class_name]
-        canvas.mark(mark, place, BEHAVIOUR_PX, WHITE, colour, 1.5, alpha)
+        canvas.mark("disc", place, BEHAVIOUR_PX, face, colour, 1.5, alpha)
 
 
 def _draw_line(canvas: Canvas, view: View, path: Path, colour: Rgb, thin: float) -> None:

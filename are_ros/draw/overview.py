@@ -40,15 +40,15 @@ from are_ros.draw.palette import (
     SEEN,
     SERIES,
     Rgb,
-    behaviour_marks,
+    behaviour_colours,
     class_colours,
-    time_colour,
+    mixed,
 )
 from are_ros.draw.robot import (
+    ROBOT_PATH_PX,
     draw_robot,
     draw_robot_path,
     fans_at,
-    time_fractions,
     walls_of,
 )
 from are_ros.draw.scene import Life, SceneRecord
@@ -97,22 +97,21 @@ def draw_overview(
     standing.sort(key=lambda life: (not is_gone(life, end_ns), life.is_perceived))
     paths = [Path.of(life) for life in standing]
     colours = class_colours([life.row.class_name for life in record.lives])
-    marks = behaviour_marks([behaviour_of(life) for life in standing])
+    behaviours = behaviour_colours([behaviour_of(life) for life in standing])
     window = window_of(grid, part, _extent_m(record, standing))
-    sheet = Sheet.of(window, _legends(record, colours, marks, end_ns))
+    sheet = Sheet.of(window, _legends(record, colours, behaviours, end_ns))
     canvas, view = sheet.canvas, sheet.view
     draw_map(canvas, view, grid, shown_cells)
     _draw_ever_seen(sheet, record, walls_of(grid, occupied_threshold, voxels))
-    draw_paths(canvas, view, paths, colours, marks)
+    draw_paths(canvas, view, paths, colours, behaviours)
     labels = _draw_artefacts(sheet, standing, colours, end_ns)
     _draw_robot(sheet, record)
     _draw_events(sheet, record)
     placed = Labels(view.rectangle, _LABEL_PX).place(labels, [label.box for label in labels])
     for one in placed:
         canvas.text(one.text, one.place[:2], _LABEL_PX)
-    duration_s = record.duration_ns / NS_PER_S if len(record.robot) else None
     subtitle = subtitle_of(record, len(labels) - len(placed), ids_as_in)
-    sheet.write(path, _title(record), subtitle, duration_s)
+    sheet.write(path, _title(record), subtitle)
 
 
 def _extent_m(record: SceneRecord, lives: Sequence[Life]) -> Floats:
@@ -154,9 +153,8 @@ def _draw_robot(sheet: Sheet, record: SceneRecord) -> None:
     track = record.robot
     if not len(track):
         return
-    draw_robot_path(sheet.canvas, sheet.view, track, time_fractions(record, track.stamps_ns))
-    for index, fraction in ((0, 0.0), (-1, 1.0)):
-        colour = time_colour(fraction)
+    draw_robot_path(sheet.canvas, sheet.view, track)
+    for index, colour in ((0, mixed(ROBOT, 0.5)), (-1, ROBOT)):
         draw_robot(sheet.canvas, sheet.view, record.footprint, track.poses[index], colour)
 
 
@@ -179,9 +177,8 @@ def subtitle_of(record: SceneRecord, without_id: int, ids_as_in: str) -> list[st
     ids = f"numbers are ids, as in {ids_as_in}"
     if without_id:
         ids += f"; {counted(without_id, 'number')} left out for want of room"
-    steps = np.diff(record.robot.poses[:, :2], axis=0)
-    is_driven = np.diff(record.robot.drives()) == 0
-    driven_m = float(np.linalg.norm(steps[is_driven], axis=1).sum())
+    steps = [np.diff(poses[:, :2], axis=0) for poses in record.robot.drives()]
+    driven_m = float(np.linalg.norm(np.concatenate(steps), axis=1).sum())
     blocked = Counter(event.kind for event in record.events)[EventKind.BLOCKED]
     return [
         f"{record.duration_ns / NS_PER_S:.0f} s",
@@ -194,13 +191,16 @@ def subtitle_of(record: SceneRecord, without_id: int, ids_as_in: str) -> list[st
 
 
 def _legends(
-    record: SceneRecord, colours: Mapping[str, Rgb], marks: Mapping[str, str], end_ns: int
+    record: SceneRecord, colours: Mapping[str, Rgb], behaviours: Mapping[str, Rgb], end_ns: int
 ) -> list[list[Entry]]:
     """Return the entries for classes, behaviours, and what else there is to see."""
     rest = [*_artefact_entries(record, end_ns), *_event_entries(record)]
     if record.has_cameras:
         rest.append(Entry("in view at some time", patch_sign(SEEN, 0.17)))
-    return [class_entries(record.lives, colours), behaviour_entries(record.lives, marks), rest]
+    if len(record.robot):
+        rest.append(Entry("path of the robot", line_sign(ROBOT, ROBOT_PATH_PX)))
+    classes = class_entries(record.lives, colours)
+    return [classes, behaviour_entries(record.lives, behaviours), rest]
 
 
 def class_entries(lives: Sequence[Life], colours: Mapping[str, Rgb]) -> list[Entry]:
@@ -213,11 +213,11 @@ def class_entries(lives: Sequence[Life], colours: Mapping[str, Rgb]) -> list[Ent
     ]
 
 
-def behaviour_entries(lives: Sequence[Life], marks: Mapping[str, str]) -> list[Entry]:
+def behaviour_entries(lives: Sequence[Life], colours: Mapping[str, Rgb]) -> list[Entry]:
     """Return an entry for each behaviour with which artefacts came, the most frequent first."""
     counts = Counter(filter(None, map(behaviour_of, lives)))
     return [
-        Entry(f"{name}  {count}", mark_sign(marks[name], BEHAVIOUR_PX, edge_px=1.5))
+        Entry(f"{name}  {count}", mark_sign("disc", BEHAVIOUR_PX, colours[name], edge_px=1.5))
         for name, count in sorted(counts.items(), key=lambda item: (-item[1], item[0]))
     ]
 

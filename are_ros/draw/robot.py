@@ -10,10 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.builder.occlusion.rays import VoxelField
-from are_ros.conventions import NS_PER_S
 from are_ros.draw.canvas import Canvas
 from are_ros.draw.map import View
-from are_ros.draw.palette import WHITE, Rgb, time_colour
+from are_ros.draw.palette import ROBOT, WHITE, Rgb
 from are_ros.draw.scene import SceneRecord, Track
 from are_ros.world.cameras import ViewModel
 from are_ros.world.footprint import Footprint
@@ -29,7 +28,8 @@ _LEAST_LEVEL: Final = 0.1
 _ENDLESS_M: Final = 1000.0
 _ALL_AROUND_RAD: Final = math.radians(340.0)
 _SMALLEST_PX: Final = 9.0
-_TIME_STEPS: Final = 64
+ROBOT_PATH_PX: Final = 3.7
+_FADE: Final = (0.3, 1.0)
 
 
 def walls_of(
@@ -124,28 +124,13 @@ def draw_robot(
     return outline
 
 
-def draw_robot_path(canvas: Canvas, view: View, track: Track, fractions: Floats) -> None:
-    """Draw the path in the colours of time; `fractions` (N,) are the poses' shares of the time.
-
-    Nothing is drawn across a gap of the recording.
-    """
-    points, drives = view.pixels(track.poses[:, :2]), track.drives()
-    for drive in np.unique(drives).tolist():
-        if (drives == drive).sum() > 1:
-            canvas.line(points[drives == drive], WHITE, 7.0)
-    steps = np.where(np.diff(drives) == 0, np.rint(fractions[1:] * _TIME_STEPS), -1.0)
-    for step in np.unique(steps[steps >= 0.0]).tolist():
-        chosen = np.flatnonzero(steps == step)
-        for run in np.split(chosen, np.flatnonzero(np.diff(chosen) > 1) + 1):
-            canvas.line(points[run[0] : run[-1] + 2], time_colour(step / _TIME_STEPS), 3.7)
-
-
-def time_fractions(record: SceneRecord, stamps_ns: npt.ArrayLike) -> Floats:
-    """Return the stamps as fractions of the record's duration, which has no gaps."""
-    ticks_ns, passed_ns = record.series.stamps_ns, record.series.passed_ns()
-    since_ns = np.asarray(stamps_ns, dtype=np.int64) - ticks_ns[0]
-    shortest_ns = NS_PER_S // 1000
-    fractions: Floats = np.interp(since_ns, ticks_ns - ticks_ns[0], passed_ns) / max(
-        record.duration_ns, shortest_ns
-    )
-    return fractions
+def draw_robot_path(canvas: Canvas, view: View, track: Track) -> None:
+    """Draw the path, which fades in from its beginning; nothing across a gap of the recording."""
+    first = 0
+    for poses in track.drives():
+        alphas = np.interp(np.arange(first + 1, first + len(poses)), (0, len(track)), _FADE)
+        first += len(poses)
+        if len(poses) > 1:
+            points = view.pixels(poses[:, :2])
+            canvas.line(points, WHITE, ROBOT_PATH_PX + 3.0)
+            canvas.fading(points, ROBOT, np.full(len(alphas), ROBOT_PATH_PX), alphas)

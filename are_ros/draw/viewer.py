@@ -22,7 +22,7 @@ import numpy.typing as npt
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.map import known_part, map_from_part, shaded
-from are_ros.draw.palette import END, ROBOT, SEEN, Rgb, class_colours, hex_of
+from are_ros.draw.palette import DEEP, ROBOT, SEEN, Rgb, class_colours, hex_of
 from are_ros.draw.robot import level_sight, robot_outline
 from are_ros.draw.scene import ArtefactAt, Moment, ScanPoints, SceneRecord, shown_every
 from are_ros.draw.sheet import id_text
@@ -61,7 +61,7 @@ _ROBOT_HEIGHT_M: Final = 0.3
 _LABEL_GAP_M: Final = 0.12
 WALL: Final[Rgb] = (206, 209, 214)
 _VIRTUAL: Final[Rgb] = (224, 0, 122)
-_RETURN: Final[Rgb] = END
+_RETURN: Final[Rgb] = DEEP
 _FIELD_OF_VIEW_RAD: Final = math.radians(45.0)
 _SLANT_RAD: Final = math.radians(58.0)
 LAYERS: Final = {
@@ -392,7 +392,7 @@ class ViewedScene:
             tan_x / tan_y,
             scale=0.35,
             thickness=0.012,
-            color=END,
+            color=DEEP,
             cast_shadow=False,
         )
 

@@ -20,7 +20,7 @@ from are_ros.draw.artefacts import (
 from are_ros.draw.canvas import Canvas
 from are_ros.draw.map import View, Window
 from are_ros.draw.overview import draw_overview
-from are_ros.draw.palette import behaviour_marks, class_colours, mark_outline
+from are_ros.draw.palette import behaviour_colours, class_colours, mark_outline
 from are_ros.draw.scene import Life, SceneRecord
 from tests.draw.made_runs import event, hall, run, walker
 
@@ -30,8 +30,8 @@ VIEW = View(Window(0.0, 10.0, 0.0, 10.0), 50.0)
 
 def _texts(record: SceneRecord) -> list[str]:
     colours = class_colours([life.row.class_name for life in record.lives])
-    marks = behaviour_marks([life.doings[0].behaviour for life in record.lives])
-    legends = overview._legends(record, colours, marks, int(record.series.stamps_ns[-1]))
+    behaviours = behaviour_colours([life.doings[0].behaviour for life in record.lives])
+    legends = overview._legends(record, colours, behaviours, int(record.series.stamps_ns[-1]))
     return [entry.name for legend in legends for entry in legend]
 
 
@@ -104,14 +104,18 @@ def test_an_artefact_that_had_to_leave_is_displaced_too() -> None:
     assert places_of(record, forced(record))[1].tolist() == pytest.approx([8.0, 6.0])
 
 
-def test_every_behaviour_has_a_mark() -> None:
-    """Shipped ones have their own for ever; those of a user get one each; all can be drawn."""
-    marks = behaviour_marks(["walking", "zigzag", "dancing"])
-    assert marks["walking"] == behaviour_marks([])["walking"]
-    assert marks["dancing"] != marks["zigzag"]
-    outlines = [mark_outline(name) for name in {*marks.values(), "burst", "lozenge"}]
+def test_every_behaviour_has_a_colour() -> None:
+    """Shipped ones have their own for ever; those of a user get one each."""
+    colours = behaviour_colours(["walking", "zigzag", "dancing"])
+    assert colours["walking"] == behaviour_colours([])["walking"]
+    assert colours["dancing"] != colours["zigzag"]
+
+
+def test_every_mark_can_be_drawn() -> None:
+    """It is as wide as is asked for, about the middle."""
+    outlines = [mark_outline(name) for name in ("disc", "burst", "lozenge")]
     assert all(np.ptp(corners, axis=0).max() == pytest.approx(1.0) for corners in outlines)
-    assert all(np.abs(corners).max() < 0.7 for corners in outlines), "about the middle"
+    assert all(np.abs(corners).max() < 0.7 for corners in outlines)
 
 
 def test_an_artefact_that_left_is_pale(tmp_path: File) -> None:
