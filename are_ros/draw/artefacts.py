@@ -151,6 +151,15 @@ def forced(record: SceneRecord) -> list[ArtefactEvent]:
     ]
 
 
+def contact_places(record: SceneRecord) -> Floats:
+    """Return where the robot was at its contacts (N, 2) [m]; the artefacts, if that is unknown."""
+    touched, robot = contacts(record), record.robot
+    if not len(robot):
+        return places_of(record, touched)
+    at = np.searchsorted(robot.stamps_ns, [event.stamp_ns for event in touched], side="right")
+    return np.asarray(robot.poses[np.maximum(at - 1, 0), :2])
+
+
 def places_of(record: SceneRecord, events: Sequence[ArtefactEvent]) -> Floats:
     """Return where the artefacts stood from the event on (N, 2) [m]."""
     lives = {life.artefact_id: life for life in record.lives if len(life.footprints)}

@@ -23,6 +23,7 @@ from are_ros.draw.artefacts import (
     UNSEEN_ALPHA,
     Path,
     behaviour_of,
+    contact_places,
     contacts,
     draw_artefact,
     draw_paths,
@@ -160,9 +161,10 @@ def _draw_robot(sheet: Sheet, record: SceneRecord) -> None:
 
 def _draw_events(sheet: Sheet, record: SceneRecord) -> None:
     """Mark displacements and contacts."""
-    kinds = ((forced(record), DISPLACED_MARK), (contacts(record), CONTACT_MARK))
-    for events, (name, size_px, face, edge) in kinds:
-        for place in sheet.view.pixels(places_of(record, events)):
+    displaced, touched = places_of(record, forced(record)), contact_places(record)
+    kinds = ((displaced, DISPLACED_MARK), (touched, CONTACT_MARK))
+    for places, (name, size_px, face, edge) in kinds:
+        for place in sheet.view.pixels(places):
             sheet.canvas.mark(name, place, size_px, face, edge, 1.2)
 
 

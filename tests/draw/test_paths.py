@@ -12,7 +12,7 @@ from are_ros.agents.events import EventKind
 from are_ros.draw import overview
 from are_ros.draw.artefacts import (
     Path,
-    contacts,
+    contact_places,
     draw_paths,
     forced,
     places_of,
@@ -131,10 +131,10 @@ def test_an_artefact_that_left_is_pale(tmp_path: File) -> None:
 
 
 def test_what_was_displaced_and_touched_is_marked() -> None:
-    """A mark for each of them where the artefact stood from then on."""
+    """A mark for each contact where the robot was, and for each displacement where it ended."""
     events = [event(EventKind.ROBOT_CONTACT, 10, 1), event(EventKind.DISPLACED, 20, 1)]
     way = [(1.0 + 0.01 * i, 1.0, 0.0) for i in range(100)]
     record = run([walker(1, (2, 5), (8, 5))], way=way, events=events)
-    displaced, touched = (places_of(record, some) for some in (forced(record), contacts(record)))
-    assert touched.tolist() == [pytest.approx([2 + 6 * 10 / 99, 5.0])]
+    assert contact_places(record).tolist() == [pytest.approx([1.1, 1.0])]
+    displaced = places_of(record, forced(record))
     assert displaced.tolist() == [pytest.approx([2 + 6 * 20 / 99, 5.0])]
