@@ -212,8 +212,10 @@ def draw_trial(
     figure: Any, trial: Trial, parameters: Parameters, catalogue: Catalogue, site: Site
 ) -> None:
     """Draw all plots of a trial on a figure."""
+    from matplotlib import colormaps
+
     numbers, shares, space, *below = _axes(figure)
-    colours, end_s = _time_colours(), _shown_s(trial)
+    colours, end_s = colormaps["plasma"], _shown_s(trial)
     _draw_numbers(numbers, trial, end_s, colours)
     _draw_shares(shares, trial)
     _draw_arrivals(space, trial, site, end_s, colours)
@@ -269,14 +271,6 @@ def _axes(figure: Any) -> list[Any]:
     shares = figure.add_subplot(top[0, 1], sharey=numbers)
     space = figure.add_subplot(top[0, 2])
     return [numbers, shares, space, *(figure.add_subplot(bottom[0, i]) for i in range(3))]
-
-
-def _time_colours() -> Any:
-    """Return colours from the first time to the last that stand out on a pale map."""
-    from matplotlib import colormaps
-    from matplotlib.colors import ListedColormap
-
-    return ListedColormap(colormaps["plasma"](range(226)), name="arrival times")
 
 
 def _shown_s(trial: Trial) -> float:

@@ -13,7 +13,6 @@ import numpy as np
 from are_ros.agents.behaviours.calls import running_behaviour
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BehaviourError
-from are_ros.wording import counted
 
 MINUTE_NS: Final = 60 * NS_PER_S
 LATELY_NS: Final = 10 * NS_PER_S
@@ -170,13 +169,6 @@ class CallbackTimer:
 
 
 @dataclass
-class _Fault:
-    sentence: str
-    untold: int = 0
-    told_ns: int | None = None
-
-
-@dataclass
 class FaultWatch:
     """Collects faults; logs the first of each behaviour at once, then at most one a minute.
 
@@ -187,26 +179,20 @@ class FaultWatch:
     counts: Counter[str] = field(default_factory=Counter)
     last: str = ""
     hung: str = ""
-    _faults: dict[str, _Fault] = field(default_factory=dict)
+    _untold: dict[str, str] = field(default_factory=dict)
+    _told_ns: dict[str, int] = field(default_factory=dict)
 
     def take(self, fault: BehaviourError) -> None:
         """Take a fault."""
-        self.last = str(fault)
+        self.last = self._untold[fault.behaviour] = str(fault)
         self.counts[fault.behaviour] += 1
-        known = self._faults.setdefault(fault.behaviour, _Fault(self.last))
-        known.sentence, known.untold = self.last, known.untold + 1
 
     def sentences(self, now_ns: int) -> list[str]:
         """Return the sentences to log now; `now_ns` is monotonic."""
-        sentences = []
-        for fault in self._faults.values():
-            is_rested = fault.told_ns is None or now_ns - fault.told_ns >= MINUTE_NS
-            if is_rested and fault.untold > 0:
-                others = fault.untold - 1
-                more = f", as {counted(others, 'other')} before it" if others else ""
-                sentences.append(f"{fault.sentence}; it stands from now on{more}")
-                fault.untold, fault.told_ns = 0, now_ns
-        return sentences
+        rested_ns = now_ns - MINUTE_NS
+        due = [name for name in self._untold if self._told_ns.get(name, rested_ns) <= rested_ns]
+        self._told_ns.update(dict.fromkeys(due, now_ns))
+        return [f"{self._untold.pop(name)}; it stands from now on" for name in due]
 
 
 # Behaviours of users that do not return: a watchdog thread logs them at once.
