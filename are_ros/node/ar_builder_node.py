@@ -18,7 +18,7 @@ from are_ros.errors import AreError, NodeError
 from are_ros.messages.sensors import MINIATURES
 from are_ros.messages.tick_encoding import offered_outputs
 from are_ros.node.diagnostics import Reporter
-from are_ros.node.guard import offer_heartbeat
+from are_ros.node.heartbeat import offer_heartbeat
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.parameters import ParameterBridge
 from are_ros.node.qos import advertise

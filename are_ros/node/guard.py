@@ -2,11 +2,6 @@
 
 A node that ends in order leaves the real map behind. One that is killed cannot: its last map, with
 artefacts in it, would stay in Nav2's costmaps for as long as Nav2 runs.
-
-The guard sees that the node's process runs by a heartbeat: a topic on which nothing is ever sent.
-DDS itself tells whether the process of its publisher still runs (QoS liveliness, AUTOMATIC).
-Neither a busy or paused node nor simulated time that stands still stops this heartbeat, and a
-publisher that was withdrawn is not a dead one.
 """
 
 from collections.abc import Sequence
@@ -14,13 +9,13 @@ from typing import Any, Final
 
 import rclpy
 from rclpy.clock import Clock, ClockType
-from rclpy.duration import Duration
 from rclpy.event_handler import SubscriptionEventCallbacks, UnsupportedEventTypeError
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 
 from are_ros.errors import AreError, NodeError
+from are_ros.node.heartbeat import HEARTBEAT, HEARTBEAT_TYPE, heartbeat_qos
 from are_ros.node.message_classes import message_class
 from are_ros.node.startup import executor_of, fatal, ros_context, stop_on_signals
 
@@ -34,28 +29,6 @@ _LEASE_S: Final = 0.5
 the guard may wake up before it hears the node again."""
 _GRACE_S: Final = 0.3
 _WAIT_S: Final = 0.1
-
-
-HEARTBEAT: Final = "_alive"
-"""The name of the topic, below the node's own name."""
-HEARTBEAT_TYPE: Final = "std_msgs/msg/Empty"
-_OFFERED_S: Final = 0.3
-"""DDS repeats that the process runs after two thirds of this."""
-
-
-def offer_heartbeat(node: Node) -> Any:
-    """Publish the heartbeat of this process, for `are guard`; the caller keeps the publisher."""
-    profile = heartbeat_qos(_OFFERED_S)
-    return node.create_publisher(message_class(HEARTBEAT_TYPE), f"~/{HEARTBEAT}", profile)
-
-
-def heartbeat_qos(lease_s: float) -> QoSProfile:
-    """Return the profile of a heartbeat: DDS reports a process that is silent for the lease."""
-    return QoSProfile(
-        depth=1,
-        liveliness=LivelinessPolicy.AUTOMATIC,
-        liveliness_lease_duration=Duration(seconds=lease_s),
-    )
 
 
 class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed

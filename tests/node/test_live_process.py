@@ -54,7 +54,7 @@ sys.exit(main(sys.argv[1:]))
 """It says when it listens to signals: before that, one would end any process."""
 HEART = """
 import rclpy
-from are_ros.node.guard import offer_heartbeat
+from are_ros.node.heartbeat import offer_heartbeat
 
 rclpy.init()
 node = rclpy.create_node("ar_builder")
