@@ -62,6 +62,15 @@ class Scene:
         along, across, turn = self.twists[:, 0], self.twists[:, 1], self.twists[:, 5]
         return np.column_stack((cos * along - sin * across, sin * along + cos * across, turn))
 
+    def is_like(self, other: "Scene | None") -> bool:
+        """Return whether the same boxes stand at the same places."""
+        return (
+            other is not None
+            and np.array_equal(self.ids, other.ids)
+            and np.array_equal(self.centres_m, other.centres_m)
+            and np.array_equal(self.yaws_rad, other.yaws_rad)
+        )
+
 
 class Sighting(NamedTuple):
     """One perceived artefact. `roi` is x, y, width and height in pixels.

@@ -8,7 +8,7 @@ from scipy.special import gammainccinv, gammaincinv
 
 from are_ros.bag.decoded import Perceived, Scene, Sighting
 from are_ros.checks.oracle.plane import PlainBoxes, about_z
-from are_ros.checks.oracle.solids import Cover, RealMap, covers_of
+from are_ros.checks.oracle.solids import Cover, Covers, RealMap
 from are_ros.checks.record import Record
 from are_ros.checks.result import CheckResult, Tally, at_s, skipped
 from are_ros.checks.sightings import FIRST_FALSE_ALARM
@@ -28,6 +28,7 @@ class PerceivedPlaces:
 
     def __init__(self) -> None:
         self._offsets_m: dict[int, Floats] = {}
+        self._covers: Covers | None = None
 
     def learn(self, scene: Scene) -> None:
         """Learn where the boxes of artefacts sit in F_A: those of false alarms, in the middle."""
@@ -35,7 +36,9 @@ class PerceivedPlaces:
 
     def covers(self, message: Perceived, real: RealMap) -> dict[int, Cover]:
         """Return the cells of each, by id."""
-        found = covers_of(self._boxes(message), real)
+        if self._covers is None or self._covers.real is not real:
+            self._covers = Covers(real)
+        found = self._covers.of(self._boxes(message))
         return dict(zip((one.artefact_id for one in message.sightings), found, strict=True))
 
     def _boxes(self, message: Perceived) -> PlainBoxes:

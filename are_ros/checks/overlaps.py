@@ -9,7 +9,7 @@ import numpy as np
 from are_ros.bag.decoded import ROBOT_CONTACT, Scene
 from are_ros.checks.oracle.frames import EVER
 from are_ros.checks.oracle.plane import Outline, overlapping
-from are_ros.checks.oracle.solids import SURE, Cover, RealMap, covers_of, layer
+from are_ros.checks.oracle.solids import SURE, Cover, Covers, RealMap, are_same, layer
 from are_ros.checks.record import Record
 from are_ros.checks.result import CheckResult, Tally, at_s, skipped
 from are_ros.checks.ticks import events_by_tick
@@ -31,9 +31,15 @@ Pose = tuple[float, float, float]
 
 def covers_by_tick(record: Record) -> Iterator[tuple[Scene, RealMap | None, list[Cover]]]:
     """Yield each scene with the real map that it knew, and its boxes' cells there."""
+    covers: Covers | None = None
     for scene in record.scenes:
         real = record.real_map_of_tick(scene.stamp_ns)
-        yield scene, real, [] if real is None else covers_of(scene, real)
+        if real is None:
+            yield scene, None, []
+            continue
+        if covers is None or covers.real is not real:
+            covers = Covers(real)
+        yield scene, real, covers.of(scene)
 
 
 def check_walls(record: Record) -> CheckResult:
@@ -67,15 +73,21 @@ def check_clutter(record: Record) -> CheckResult:
     if not record.maps:
         return skipped(tally.name, record.why_no_map(), needs_inputs=record.lacks_inputs)
     ratios = {message.at_ns: message.clutter_ratio for message in record.metrics}
-    threshold = record.parameters.world.free_threshold
+    last_real: RealMap | None = None
+    last_covers: list[Cover] = []
+    free = least = most = 0
     is_known = False
     for scene, real, covers in covers_by_tick(record):
         if real is None or scene.at_ns not in ratios:
             tally.leave_out("tick", "without a map" if real is None else "without metrics")
             continue
-        free = int(np.count_nonzero((real.cells >= 0) & (real.cells <= threshold)))
-        cells = layer(covers, real)
-        least, most = int(np.count_nonzero(cells == SURE)), int(np.count_nonzero(cells))
+        if real is not last_real:
+            threshold = record.parameters.world.free_threshold
+            free = int(np.count_nonzero((real.cells >= 0) & (real.cells <= threshold)))
+        if real is not last_real or not are_same(covers, last_covers):
+            cells = layer(covers, real)
+            least, most = int(np.count_nonzero(cells == SURE)), int(np.count_nonzero(cells))
+        last_real, last_covers = real, covers
         found = ratios[scene.at_ns]
         if isnan(found) and real.since_ns == scene.stamp_ns:
             continue  # the map of that very time may have come after the tick
@@ -94,14 +106,19 @@ def check_neighbours(record: Record) -> CheckResult:
     """No two boxes overlap, in the plane and in height; between sub-steps, no more than a touch."""
     tally = Tally("overlaps of artefacts", "pair")
     step_ns = 1 if record.parameters is None else seconds_to_ns(record.parameters.motion.step)
+    last: Scene | None = None
+    found: list[tuple[int, int, float]] = []
     for scene in record.scenes:
         tally.look(len(scene.ids) * (len(scene.ids) - 1) // 2)
-        for i, j, depth_m in overlapping(scene):
+        if not scene.is_like(last):
+            found = overlapping(scene)
+        for i, j, depth_m in found:
             if scene.stamp_ns % step_ns and depth_m < _TURNING_M:
                 tally.leave_out("pair", "touching between two sub-steps")
             else:
                 text = f"ids {scene.ids[i]} and {scene.ids[j]} overlap by {depth_m:.6f} m"
                 tally.fail(f"{at_s(scene.stamp_ns)} {text}")
+        last = scene
     return tally.result()
 
 

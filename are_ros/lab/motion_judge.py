@@ -18,7 +18,7 @@ import numpy as np
 
 from are_ros.agents.events import ArtefactState
 from are_ros.checks.oracle.plane import TOUCHING_M, Outline, PlainBoxes, overlapping
-from are_ros.checks.oracle.solids import RealMap, covers_of
+from are_ros.checks.oracle.solids import Covers, RealMap
 from are_ros.wording import aligned, counted
 
 FAULTS: Final = {
@@ -427,7 +427,7 @@ class MotionJudge:
     def __init__(self, walls: RealMap, limits: Mapping[str, Limits], step_s: float) -> None:
         """Take a map whose cells are walls unless 0, the limits by label, and the sub-step [s]."""
         self.verdict = Verdict()
-        self._walls, self._is_wall = walls, walls.cells.reshape(-1) != 0
+        self._is_wall, self._covers = walls.cells.reshape(-1) != 0, Covers(walls)
         self._limits = limits
         self._step_s = step_s
         self._last: dict[int, _Last] = {}
@@ -470,7 +470,7 @@ class MotionJudge:
         boxes, names = _boxes_of(states), [f"{s.label} {s.artefact_id}" for s in states]
         for i, j, _ in overlapping(boxes):
             self.verdict.note("overlaps", t_s, f"{names[i]} and {names[j]}")
-        for name, cover in zip(names, covers_of(boxes, self._walls), strict=True):
+        for name, cover in zip(names, self._covers.of(boxes), strict=True):
             if self._is_wall[cover.sure].any():
                 self.verdict.note("walls", t_s, name)
         if robot is not None:

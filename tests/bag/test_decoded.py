@@ -57,6 +57,8 @@ def test_a_scene_holds_the_artefacts_as_arrays(draft: Draft, tmp_path: Path) -> 
         assert scene.yaws_rad[i] == pytest.approx(yaw_rad)
         assert (scene.arrivals_ns[i], scene.departures_ns[i]) == LIVES_NS[number]
     np.testing.assert_allclose(scene.half_sizes_m, [[0.15, 0.1, 0.5]] * 2)
+    assert scenes[0].is_like(scenes[1])
+    assert not scenes[0].is_like(scene)
 
 
 def test_live_outputs_count_at_their_stamps_and_inputs_after_a_tick(

@@ -17,7 +17,7 @@ from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.checks.marker_rules import change_of
 from are_ros.checks.oracle.frames import TF, Frames
 from are_ros.checks.oracle.plane import Outline, distances_m, overlap_depths_m
-from are_ros.checks.oracle.solids import RealMap, Walls, covers_of
+from are_ros.checks.oracle.solids import Covers, RealMap, Walls
 from are_ros.errors import FrameError
 from are_ros.messages.markers import MarkerEncoder
 from are_ros.world.boxes import OrientedBoxes
@@ -152,7 +152,7 @@ def test_cells_are_the_builders(turn: float) -> None:
     cells: NDArray[np.int8] = np.zeros((70, 50), np.int8)
     grid = OccupancyGrid(cells, 0.05, RigidTransform.planar(-1.2, -1.4, turn), "map")
     registered = covered_cells(boxes, grid)
-    for k, cover in enumerate(covers_of(scene, RealMap.of_grid(grid))):
+    for k, cover in enumerate(Covers(RealMap.of_grid(grid)).of(scene)):
         covered = np.zeros((70, 50), np.bool_)
         patch = registered.patch(k)
         patch.part_of(covered)[:] = patch.mask
@@ -165,7 +165,7 @@ def test_a_box_that_touches_a_cell_may_or_may_not_cover_it() -> None:
     zeros = np.zeros(1, np.int64)
     place, half = np.array(((1.5, 1.5, 0.5),)), np.array(((0.5, 0.5, 0.5),))
     scene = Scene(0, 0, "map", zeros, place, np.zeros(1), half, zeros, zeros, ())
-    (cover,) = covers_of(scene, RealMap.of_grid(grid))
+    (cover,) = Covers(RealMap.of_grid(grid)).of(scene)
     assert cover.sure.tolist() == [14, 15, 20, 21]
     assert len(cover.touched) == 12
 

@@ -53,19 +53,25 @@ class Inflation:
         everywhere = (slice(None), slice(None))
         self.static_low = self._published(self._low[squares], everywhere)
         self.static_high = self._published(self._high[squares], everywhere)
+        self._patches: dict[int, _Patch] = {}
 
     def bounds(self, covers: list[Cover]) -> tuple[Published, Published]:
         """Return the least and the greatest costmap, int8 (h, w), of the map with these cells."""
         low, high = self.static_low.copy(), self.static_high.copy()
+        before, self._patches = self._patches, {}
         for cover in covers:
-            self._raise(low, high, cover)
+            known = before.get(id(cover))
+            patch = self._patch(cover) if known is None else known
+            self._patches[id(cover)] = patch
+            np.maximum(low[patch.window], patch.low, out=low[patch.window])
+            np.maximum(high[patch.window], patch.high, out=high[patch.window])
         return low, high
 
-    def _raise(self, low: Published, high: Published, cover: Cover) -> None:
-        """Raise costmaps, in place, to the costs about one box."""
+    def _patch(self, cover: Cover) -> "_Patch":
         both = np.concatenate((cover.sure, cover.touched))
         if not both.size:
-            return
+            nothing = (slice(0, 0), slice(0, 0))
+            return _Patch(cover, nothing, self.static_low[nothing], self.static_low[nothing])
         height, width = self.real.cells.shape
         rows, cols = np.divmod(both, width)
         margin = self._radius + 1
@@ -75,11 +81,10 @@ class Inflation:
         mask = np.zeros((row1 - row0, col1 - col0), np.bool_)
         count = len(cover.sure)
         mask[rows[:count] - row0, cols[:count] - col0] = True
-        least = self._published(self._low[self._squares(mask)], window)
-        low[window] = np.maximum(low[window], least)
+        low = self._published(self._low[self._squares(mask)], window)
         mask[rows - row0, cols - col0] = True
-        greatest = self._published(self._high[self._squares(mask)], window)
-        high[window] = np.maximum(high[window], greatest)
+        high = self._published(self._high[self._squares(mask)], window)
+        return _Patch(cover, window, low, high)
 
     def _squares(self, mask: Mask) -> NDArray[np.int64]:
         """Return squared distances [cells^2] from the nearest cell of a mask, up to the table."""
@@ -99,3 +104,13 @@ class Inflation:
         scaled[costs == 254] = 100
         scaled[self._unknown[window] & (costs < 253)] = -1
         return scaled.astype(np.int8)
+
+
+@dataclass(frozen=True, eq=False)
+class _Patch:
+    """The costs about one box. It holds the cover, because `id` finds the patch again."""
+
+    cover: Cover
+    window: tuple[slice, slice]
+    low: Published
+    high: Published

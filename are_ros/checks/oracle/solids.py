@@ -69,38 +69,56 @@ class Cover:
 _NOTHING = Cover(np.empty(0, np.int64), np.empty(0, np.int64))
 
 
-def covers_of(boxes: Boxes, real: RealMap) -> list[Cover]:
-    """Return the cells of a map that each box covers."""
-    return [_cover(boxes, i, real) for i in range(len(boxes.yaws_rad))]
+class Covers:
+    """The cells that boxes cover on one map; a box that stands still is computed once."""
+
+    def __init__(self, real: RealMap) -> None:
+        self.real = real
+        self._before: dict[bytes, Cover] = {}
+        self._now: dict[bytes, Cover] = {}
+
+    def of(self, scene: Boxes) -> list[Cover]:
+        """Return the cover of each box."""
+        self._before, self._now = self._now, {}
+        return [self._of(scene, i) for i in range(len(scene.yaws_rad))]
+
+    def _of(self, scene: Boxes, index: int) -> Cover:
+        key = _box_key(scene, index)
+        known = self._before.get(key)
+        self._now[key] = self._compute(scene, index) if known is None else known
+        return self._now[key]
+
+    def _compute(self, scene: Boxes, index: int) -> Cover:
+        """Return the cells whose open square meets the open footprint."""
+        if not np.isfinite(np.frombuffer(_box_key(scene, index))).all():
+            return _NOTHING
+        x0, y0, turn = self.real.corner
+        cos, sin = np.cos(turn), np.sin(turn)
+        dx, dy = scene.centres_m[index, :2] - (x0, y0)
+        centre = np.array((dx * cos + dy * sin, dy * cos - dx * sin))
+        yaw, half = scene.yaws_rad[index] - turn, scene.half_sizes_m[index, :2]
+        rows, cols = self._candidates(centre, float(np.hypot(*half)))
+        if not rows.size:
+            return _NOTHING
+        flat = rows * self.real.cells.shape[1] + cols
+        middles = (np.column_stack((cols, rows)) + 0.5) * self.real.resolution_m
+        square = np.full(2, 0.5 * self.real.resolution_m)
+        depths = rectangle_depths_m(middles - centre, yaw, half, 0.0, square)
+        return Cover(flat[depths > TOUCHING_M], flat[np.abs(depths) <= TOUCHING_M])
+
+    def _candidates(self, centre: Floats, radius: float) -> tuple[Cells, Cells]:
+        height, width = self.real.cells.shape
+        low = np.floor((centre - radius) / self.real.resolution_m).astype(np.int64) - 1
+        high = np.floor((centre + radius) / self.real.resolution_m).astype(np.int64) + 2
+        (col0, row0), (col1, row1) = np.maximum(low, 0), np.minimum(high, (width, height))
+        rows, cols = np.mgrid[row0 : max(row1, row0), col0 : max(col1, col0)]
+        return rows.ravel(), cols.ravel()
 
 
-def _cover(boxes: Boxes, index: int, real: RealMap) -> Cover:
-    """Return the cells whose open square meets the open footprint."""
-    place, half = boxes.centres_m[index, :2], boxes.half_sizes_m[index, :2]
-    x0, y0, turn = real.corner
-    yaw = boxes.yaws_rad[index] - turn
-    if not np.isfinite((*place, *half, yaw)).all():
-        return _NOTHING
-    cos, sin = np.cos(turn), np.sin(turn)
-    dx, dy = place - (x0, y0)
-    centre = np.array((dx * cos + dy * sin, dy * cos - dx * sin))
-    rows, cols = _candidates(centre, float(np.hypot(*half)), real)
-    if not rows.size:
-        return _NOTHING
-    flat = rows * real.cells.shape[1] + cols
-    middles = (np.column_stack((cols, rows)) + 0.5) * real.resolution_m
-    square = np.full(2, 0.5 * real.resolution_m)
-    depths = rectangle_depths_m(middles - centre, yaw, half, 0.0, square)
-    return Cover(flat[depths > TOUCHING_M], flat[np.abs(depths) <= TOUCHING_M])
-
-
-def _candidates(centre: Floats, radius: float, real: RealMap) -> tuple[Cells, Cells]:
-    height, width = real.cells.shape
-    low = np.floor((centre - radius) / real.resolution_m).astype(np.int64) - 1
-    high = np.floor((centre + radius) / real.resolution_m).astype(np.int64) + 2
-    (col0, row0), (col1, row1) = np.maximum(low, 0), np.minimum(high, (width, height))
-    rows, cols = np.mgrid[row0 : max(row1, row0), col0 : max(col1, col0)]
-    return rows.ravel(), cols.ravel()
+def _box_key(boxes: Boxes, index: int) -> bytes:
+    """Return a value that equal boxes share."""
+    yaw = boxes.yaws_rad[index : index + 1]
+    return np.concatenate((boxes.centres_m[index], yaw, boxes.half_sizes_m[index])).tobytes()
 
 
 def layer(covers: list[Cover], real: RealMap) -> NDArray[np.int8]:
@@ -111,6 +129,11 @@ def layer(covers: list[Cover], real: RealMap) -> NDArray[np.int8]:
     for cover in covers:
         cells[cover.sure] = SURE
     return cells
+
+
+def are_same(ours: list[Cover], theirs: list[Cover]) -> bool:
+    """Tell whether these are the covers of the very boxes of another tick."""
+    return len(ours) == len(theirs) and all(a is b for a, b in zip(ours, theirs, strict=True))
 
 
 _MARGIN_M: Final = 1e-3
