@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.special import gammainccinv, gammaincinv
 
 from are_ros.bag.decoded import Perceived, Scene, Sighting
-from are_ros.checks.oracle.plane import PlainBoxes
+from are_ros.checks.oracle.plane import PlainBoxes, about_z
 from are_ros.checks.oracle.solids import Cover, Covers, RealMap
 from are_ros.checks.record import Record
 from are_ros.checks.result import CheckResult, Tally, at_s, skipped
@@ -160,9 +160,7 @@ def _of_pose(one: Sighting, scene: Scene, k: int) -> _Deviation:
 
 def _of_twist(one: Sighting, scene: Scene, k: int) -> _Deviation:
     """Compare the rates in the map; the twist is in the axes of the pose that was told."""
-    yaw = 2.0 * np.arctan2(one.pose[5], one.pose[6])
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    turn = np.array(((cos, -sin, 0.0), (sin, cos, 0.0), (0.0, 0.0, 1.0)))
+    turn = about_z(2.0 * np.arctan2(one.pose[5], one.pose[6]))
     told = turn @ np.array((one.twist[0], one.twist[1], one.twist[5]))
     covariance = np.array(one.twist_covariance).reshape(6, 6)[_PLANAR]
     return _normalised(told - scene.rates[k], turn @ covariance @ turn.T)

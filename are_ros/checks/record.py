@@ -240,7 +240,7 @@ class Record:
         elif kind is Grid:
             self.maps_by_topic.setdefault(topic, []).append(real_map(value))
         elif kind is ImageFormat:
-            self.scans.add_info(topic, value.message)
+            self.scans.infos[topic] = value.message
             if not is_output and topic not in self.infos_of_depths:
                 self.images.setdefault(topic, []).append(value)
         elif kind is Transforms:

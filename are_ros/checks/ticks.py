@@ -34,8 +34,6 @@ from are_ros.wording import counted
 
 _OTHER_CLOCK_NS: Final = 10 * NS_PER_S
 """If log times and stamps differ by more, two clocks made them."""
-_NEXT_TICK: Final = 1.5
-"""In periods: two ticks that are farther apart are not consecutive."""
 _KINDS: Final = (ARRIVED, DEPARTED, BLOCKED, DISPLACED, PERCEIVED, LOST, ROBOT_CONTACT, CHANGED)
 _BECOMES: Final = " -> "
 _DISPLACED_DETAIL: Final = "displaced"

@@ -12,13 +12,14 @@ import click
 from are_ros.cli.options import (
     FILE,
     IMPERFECT,
-    PARAMETER,
     ROS_NAME,
-    SECONDS,
     Amount,
     animate_option,
+    duration_option,
     parameter_options,
+    params_option,
     say,
+    set_option,
     start_option,
 )
 from are_ros.errors import NodeError
@@ -28,23 +29,16 @@ _RATE = Amount("factor", 0.001, 1e6)
 
 
 @click.command(short_help="Run the live node.", context_settings=_PASSED_ON)
-@click.option("--params", "files", metavar="FILE", type=FILE, multiple=True, help="As in replay.")
-@click.option(
-    "--set",
-    "values",
-    metavar="NAME:=VALUE",
-    type=PARAMETER,
-    multiple=True,
-    help="As in replay.",
-)
+@params_option
+@set_option
 @click.option(
     "--namespace", metavar="NAME", type=ROS_NAME, help="Namespace of the node and of its topics."
 )
 @click.option("--use-sim-time", is_flag=True, help="Go by /clock.")
 @click.argument("ros_args", metavar="[ROS ARGUMENTS]", nargs=-1, type=click.UNPROCESSED)
 def node(
-    files: tuple[Path, ...],
-    values: tuple[str, ...],
+    parameter_files: tuple[Path, ...],
+    assignments: tuple[str, ...],
     namespace: str | None,
     use_sim_time: bool,
     ros_args: tuple[str, ...],
@@ -53,16 +47,18 @@ def node(
 
     What follows `--ros-args` goes to ROS as it is: -p, -r, --params-file, --log-level.
     """
-    _require_ros()
+    require_ros()
     from are_ros.node.startup import main as run_node
     from are_ros.parameters.ros_yaml import assignment_for_ros, files_beside, in_any_namespace
 
     _check_ros_args(ros_args)
-    beside = [f"{name}:={file}" for path in files for name, file in files_beside(path).items()]
-    values = tuple(map(assignment_for_ros, (*beside, *values)))
+    beside = [
+        f"{name}:={file}" for path in parameter_files for name, file in files_beside(path).items()
+    ]
+    values = tuple(map(assignment_for_ros, (*beside, *assignments)))
     with TemporaryDirectory(prefix="ar_builder_") as folder:
-        copies = [Path(folder, f"{number}.yaml") for number in range(len(files))]
-        for path, copy in zip(files, copies, strict=True):
+        copies = [Path(folder, f"{number}.yaml") for number in range(len(parameter_files))]
+        for path, copy in zip(parameter_files, copies, strict=True):
             copy.write_text(in_any_namespace(path), encoding="utf-8")
         given = _ros_words(copies, values, namespace, use_sim_time=use_sim_time)
         sys.exit(run_node(["--ros-args", *given, "--", *ros_args]))
@@ -98,7 +94,7 @@ def guard(namespace: str | None, ros_args: tuple[str, ...]) -> None:
     and an empty artefact map. What follows `--ros-args` goes to ROS as it is; remap `map` as for
     the node.
     """
-    _require_ros()
+    require_ros()
     from are_ros.node.guard import main as run_guard
 
     _check_ros_args(ros_args)
@@ -111,7 +107,7 @@ def guard(namespace: str | None, ros_args: tuple[str, ...]) -> None:
 @click.option("--rate", type=_RATE, default=1.0, show_default=True, help="Times real time.")
 @click.option("--loop", is_flag=True, help="Play again and again.")
 @start_option
-@click.option("--duration", "duration_s", type=SECONDS, help="Length to play.")
+@duration_option
 @click.option("--topics", metavar="/TOPIC", multiple=True, help="Play these only. Repeatable.")
 @click.option("--exclude", metavar="/TOPIC", multiple=True, help="Leave out. Repeatable.")
 @click.option("--remap", "remaps", metavar="/FROM:=/TO", multiple=True, help="Repeatable.")
@@ -143,7 +139,7 @@ def play(**options: Any) -> None:
 
     Quality of service is as recorded; ROS 1 recordings are played as ROS 2.
     """
-    _require_ros()
+    require_ros()
     from are_ros.record.commands import play_command
 
     if not play_command(say, **options):
@@ -159,7 +155,7 @@ def play(**options: Any) -> None:
     help="Record these only; * and ? stand for anything. Repeatable.",
 )
 @click.option("--exclude", metavar="/TOPIC", multiple=True, help="Leave out. Repeatable.")
-@click.option("--duration", "duration_s", type=SECONDS, help="Stop after this long.")
+@duration_option
 @click.option(
     "--wait-for",
     metavar="/TOPIC",
@@ -171,7 +167,7 @@ def play(**options: Any) -> None:
 @click.option("--overwrite", is_flag=True, help="Replace a recording that is there.")
 def record(**options: Any) -> None:
     """Record live topics, until Ctrl-C, into OUT, an .mcap file."""
-    _require_ros()
+    require_ros()
     from are_ros.record.commands import record_command
 
     if not record_command(say, **options):
@@ -181,7 +177,7 @@ def record(**options: Any) -> None:
 @click.command(short_help="Show the live node at work on a recording.")
 @click.argument("bag", metavar="[BAG]", type=FILE, default=Path("bags/sample_office.mcap"))
 @click.option("--rate", type=_RATE, default=2.0, show_default=True, help="Times real time.")
-@click.option("--duration", "duration_s", type=SECONDS, help="Length to play.")
+@duration_option
 @click.option("--lockstep", is_flag=True, help="As fast as the node can, repeatable to the byte.")
 @click.option("--out", type=FILE, default=Path("out/demo"), show_default=True, help="Folder.")
 @animate_option
@@ -192,22 +188,14 @@ def demo(**options: Any) -> None:
     The folder gets augmented.mcap (inputs and outputs as they were on the wire), view.html (a page
     to look around in), overview.png (who went where), effective.yaml and the node's log.
     """
-    _require_ros()
+    require_ros()
     from are_ros.record.commands import demo_command
 
     if not demo_command(say, **options):
         sys.exit(IMPERFECT)
 
 
-def view_live(namespace: str | None, port: int) -> None:
-    """Serve the scene of the running node, until Ctrl-C; `are view --live`."""
-    _require_ros()
-    from are_ros.record.live_view import view_live_command
-
-    view_live_command(say, namespace or "", port)
-
-
-def _require_ros() -> None:
+def require_ros() -> None:
     """Raise NodeError, with the remedy, where rclpy is not installed."""
     if find_spec("rclpy") is None:
         raise NodeError(

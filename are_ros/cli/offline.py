@@ -6,6 +6,7 @@ from typing import Any, Final, NoReturn
 
 import click
 
+from are_ros.cli.live import require_ros
 from are_ros.cli.options import (
     FILE,
     IMPERFECT,
@@ -13,8 +14,10 @@ from are_ros.cli.options import (
     SECONDS,
     Amount,
     animate_option,
+    duration_option,
     octomap_option,
     parameter_options,
+    params_option,
     recording_options,
     say,
     start_option,
@@ -29,7 +32,7 @@ _PORT: Final = 8080
 @recording_options
 @octomap_option
 @start_option
-@click.option("--duration", "duration_s", type=SECONDS, help="Length to replay.")
+@duration_option
 @click.option("--out", type=FILE, default=Path("out"), show_default=True, help="Output folder.")
 @click.option(
     "--scenario",
@@ -89,7 +92,7 @@ def inspect(**options: Any) -> None:
 @click.command(short_help="Find where a map lies, by the scans of a recording.")
 @recording_options
 @start_option
-@click.option("--duration", "duration_s", type=SECONDS, help="Length to read.")
+@duration_option
 @click.option(
     "--out",
     metavar="FILE.png",
@@ -199,9 +202,10 @@ def view(
     if live:
         if recording is not None or out is not None or animate is not None:
             raise click.UsageError("--live shows the running node: no RECORDING, --out, --animate")
-        from are_ros.cli.live import view_live
+        require_ros()
+        from are_ros.record.live_view import view_live_command
 
-        view_live(namespace, _PORT if port is None else port)
+        view_live_command(say, namespace or "", _PORT if port is None else port)
         return
     if port is not None or namespace is not None:
         raise click.UsageError("--port and --namespace are for --live")
@@ -326,14 +330,7 @@ _MOST_COMPONENTS = 32
 @click.option(
     "--out", type=FILE, default=Path("fit"), show_default=True, help="Folder of the results."
 )
-@click.option(
-    "--params",
-    "parameter_files",
-    metavar="FILE",
-    type=FILE,
-    multiple=True,
-    help="A ros__parameters file that names the catalogue. Repeatable.",
-)
+@params_option
 @click.option(
     "--seed",
     type=click.IntRange(min=0),

@@ -99,20 +99,36 @@ class Film(click.Path):
         return path
 
 
-def animate_option(command: _Command) -> _Command:
-    """Add --animate, with or without the name of a file."""
-    option = click.option(
-        "--animate",
-        metavar="[FILE]",
-        type=Film(),
-        is_flag=False,
-        flag_value=ANIMATION,
-        help=f"Animate it, as a GIF; a bare name goes into the folder. [{ANIMATION}]",
-    )
-    return option(command)
+def _all_of(*options: Callable[[_Command], _Command]) -> Callable[[_Command], _Command]:
+    """Return a decorator that adds some options, in the order of the help."""
+
+    def add(command: _Command) -> _Command:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return add
 
 
-_RECORDING_OPTIONS = (
+animate_option = click.option(
+    "--animate",
+    metavar="[FILE]",
+    type=Film(),
+    is_flag=False,
+    flag_value=ANIMATION,
+    help=f"Animate it, as a GIF; a bare name goes into the folder. [{ANIMATION}]",
+)
+start_option = click.option("--start", "start_s", type=SECONDS, default=0.0, help="Begin here.")
+duration_option = click.option("--duration", "duration_s", type=SECONDS, help="Stop after so long.")
+octomap_option = click.option(
+    "--octomap",
+    "octomap_file",
+    metavar="FILE",
+    type=FILE,
+    help="Occupied space: OctoMap (.bt, .ot), or a point cloud (.pcd, .ply) or a mesh (.ply), "
+    "whose voxels are world.voxel_size wide.",
+)
+recording_options = _all_of(
     click.argument("bags", metavar="BAG...", nargs=-1, required=True, type=FILE),
     click.option("--map", "map_file", metavar="FILE.yaml", type=FILE, help="Map of map_server."),
     click.option("--map-frame", metavar="NAME", help="Frame of the map, the world frame. [map]"),
@@ -134,58 +150,27 @@ _RECORDING_OPTIONS = (
         "topics of one sensor's role are all augmented.",
     ),
 )
-
-
-def recording_options(command: _Command) -> _Command:
-    """Add BAG, --map, --map-frame, --static-tf and --topic."""
-    for option in reversed(_RECORDING_OPTIONS):
-        command = option(command)
-    return command
-
-
-def start_option(command: _Command) -> _Command:
-    """Add --start, the time in a recording at which to begin."""
-    return click.option("--start", "start_s", type=SECONDS, default=0.0, help="Begin here.")(
-        command
-    )
-
-
-def octomap_option(command: _Command) -> _Command:
-    """Add --octomap, the file that M3D comes from."""
-    option = click.option(
-        "--octomap",
-        "octomap_file",
-        metavar="FILE",
-        type=FILE,
-        help="Occupied space: OctoMap (.bt, .ot), or a point cloud (.pcd, .ply) or a mesh (.ply), "
-        "whose voxels are world.voxel_size wide.",
-    )
-    return option(command)
-
-
-def parameter_options(command: _Command) -> _Command:
-    """Add the options that make up the effective parameters."""
-    for option in (
-        click.option("--seed", type=click.IntRange(min=0), help="Seed of every random draw."),
-        click.option(
-            "--set",
-            "assignments",
-            metavar="NAME:=VALUE",
-            type=PARAMETER,
-            multiple=True,
-            help="Set one parameter, as population.arrival_rate:=0.001. Repeatable.",
-        ),
-        click.option(
-            "--params",
-            "parameter_files",
-            metavar="FILE",
-            type=FILE,
-            multiple=True,
-            help="A ros__parameters file; later ones win. Repeatable.",
-        ),
-    ):
-        command = option(command)
-    return command
+params_option = click.option(
+    "--params",
+    "parameter_files",
+    metavar="FILE",
+    type=FILE,
+    multiple=True,
+    help="A ros__parameters file; later ones win. Repeatable.",
+)
+set_option = click.option(
+    "--set",
+    "assignments",
+    metavar="NAME:=VALUE",
+    type=PARAMETER,
+    multiple=True,
+    help="Set one parameter, as population.arrival_rate:=0.001. Repeatable.",
+)
+parameter_options = _all_of(
+    params_option,
+    set_option,
+    click.option("--seed", type=click.IntRange(min=0), help="Seed of every random draw."),
+)
 
 
 def say(sentence: str) -> None:

@@ -151,18 +151,14 @@ class Verdict:
             ("artefact-minutes", f"{self.artefact_s / 60.0:.1f}"),
             ("of them moving", f"{self.moving_s / 60.0:.1f}"),
             *((words, str(self.found[kind])) for kind, words in FAULTS.items()),
-            ("brakings beyond the limit", self._brakings()),
         ]
+        stops = f" ({counted(self.dead_stops, 'dead stop')})" if self.hard_brakes else ""
+        rows.append(("brakings beyond the limit", f"{self.hard_brakes}{stops}"))
         if self.follower_gaps.followed_s:
             near, gap = self.follower_gaps.near_share, self.follower_gaps.mean_gap_m
             rows.append(("time that followers are near", f"{100.0 * near:.0f} %"))
             rows.append(("mean distance to the leader", f"{gap:.2f} m"))
         return rows
-
-    def _brakings(self) -> str:
-        if not self.hard_brakes:
-            return "0"
-        return f"{self.hard_brakes} ({counted(self.dead_stops, 'dead stop')})"
 
     def _behaviours(self) -> list[tuple[str, ...]]:
         rows: list[tuple[str, ...]] = [("behaviour", "minutes", "m/s", "arrivals/min")]
@@ -362,11 +358,14 @@ class StandWatch:
         if stand.cause is None:
             stand.cause = stand.main_cause()
             verdict.causes[_kind(stand.cause)] += 1
-            stand.noted = _noted(state, stand)
+            who = (state.artefact_id, state.label, state.behaviour)
+            x_m, y_m = (round(coordinate, 3) for coordinate in stand.place_m)
+            since_s, cause = round(stand.since_s, 2), stand.cause or "no cause"
+            stand.noted = LongStand(*who, since_s, 0.0, x_m, y_m, cause)
             verdict.stands.append(stand.noted)
             if not stand.cause:
-                who = f"{state.label} {state.artefact_id} ({state.behaviour})"
-                verdict.note("still", t_s, f"{who}: {stand.doings(state.behaviour)}")
+                name = f"{state.label} {state.artefact_id} ({state.behaviour})"
+                verdict.note("still", t_s, f"{name}: {stand.doings(state.behaviour)}")
         if stand.noted is not None:
             stand.noted.stood_s = round(stood_s, 2)
         kind = _kind(stand.cause)
@@ -382,14 +381,6 @@ class StandWatch:
         for circle in sorted(circles - self._deadlocks, key=min):
             self._verdict.note("deadlocks", t_s, "artefacts " + ", ".join(map(str, sorted(circle))))
         self._deadlocks = circles
-
-
-def _noted(state: ArtefactState, stand: _Stand) -> LongStand:
-    """Return a stand as the verdict keeps it."""
-    x_m, y_m = (round(coordinate, 3) for coordinate in stand.place_m)
-    since_s, cause = round(stand.since_s, 2), stand.cause or "no cause"
-    who = (state.artefact_id, state.label, state.behaviour)
-    return LongStand(*who, since_s, 0.0, x_m, y_m, cause)
 
 
 def _gets_on(activity: str) -> bool:
@@ -415,8 +406,7 @@ _STOPS = frozenset({"pausing", "waiting", "talking", "looking round"})
 """Activities at a destination."""
 
 _NEAR_LEADER_M = 4.0
-_MOVES_MPS = 0.1
-_FOLLOWS = re.compile(r"following|(?:following|waiting behind) artefact (\d+)")
+_FOLLOWS = re.compile(r"(?:following|waiting behind) artefact (\d+)")
 
 _Pose = tuple[float, float, float]
 
@@ -467,8 +457,8 @@ class MotionJudge:
             self._judge_twist(t_s, state)
         self._stands_watch.see(t_s, states)
         for state in states:
-            if match := _FOLLOWS.fullmatch(state.activity or state.behaviour):
-                self._judge_following(state, match[1], states)
+            if match := _FOLLOWS.fullmatch(state.activity):
+                self._judge_following(state, int(match[1]), states)
 
     def _judge_overlaps(
         self,
@@ -527,21 +517,14 @@ class MotionJudge:
             )
 
     def _judge_following(
-        self, state: ArtefactState, leader: str | None, states: Sequence[ArtefactState]
+        self, state: ArtefactState, leader_id: int, states: Sequence[ArtefactState]
     ) -> None:
-        """Count the distance of a follower to its leader, else to the nearest moving artefact.
-
-        A follower without a leader walks, and does not count.
-        """
-        others = [s for s in states if s.artefact_id != state.artefact_id]
-        if leader is not None:
-            others = [s for s in others if s.artefact_id == int(leader)]
-        else:
-            others = [s for s in others if abs(self._last[s.artefact_id].speed_mps) > _MOVES_MPS]
-        gaps_m = [_apart_m(state, other) for other in others]
-        if gaps_m:
-            gap_m = min(gaps_m)
-            self.verdict.follower_gaps.note(gap_m, self._step_s, is_near=gap_m <= _NEAR_LEADER_M)
+        """Count the distance of a follower to its leader, if that is there."""
+        for leader in states:
+            if leader.artefact_id == leader_id:
+                gap_m = _apart_m(state, leader)
+                gaps, is_near = self.verdict.follower_gaps, gap_m <= _NEAR_LEADER_M
+                gaps.note(gap_m, self._step_s, is_near=is_near)
 
 
 def _boxes_of(states: Sequence[ArtefactState]) -> PlainBoxes:

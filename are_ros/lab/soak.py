@@ -7,7 +7,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -245,10 +245,10 @@ class SoakRun:
         if environment is None:
             raise MapError("nobody lives without a map")
         limits = {row.label: _limits(row.motion) for row in catalogue.rows}
-        walls = walls_of(grid, parameters.world.occupied_threshold)
+        is_wall = grid.cells >= parameters.world.occupied_threshold
+        walls = replace(RealMap.of_grid(grid), cells=is_wall.astype(np.int8))
         self.judge = MotionJudge(walls, limits, self._step_s)
-        _, _, z, w = grid.origin.rotation_xyzw.tolist()
-        self._map_yaw_rad = 2.0 * math.atan2(z, w)
+        self._map_yaw_rad = walls.corner[2]
         self._robot = RovingRobot(environment, self._radius_m, parameters.seed)
         self._is_robot_seen = False
         self._touching: set[int] = set()
@@ -329,14 +329,6 @@ class SoakRun:
                 way.jumps.add(len(way.points_m))
             if not way.points_m or way.points_m[-1] != here_m:
                 way.points_m.append(here_m)
-
-
-def walls_of(grid: OccupancyGrid, occupied_from: int) -> RealMap:
-    """Return the walls of a map for the judge, from its numbers alone."""
-    x_m, y_m, _ = grid.origin.translation_m.tolist()
-    _, _, z, w = grid.origin.rotation_xyzw.tolist()
-    origin = (x_m, y_m, 2.0 * math.atan2(z, w))
-    return RealMap.of_cells(grid.cells >= occupied_from, grid.resolution_m, origin)
 
 
 def _limits(motion: MotionLimits) -> Limits:

@@ -24,7 +24,7 @@ from are_ros.node.parameters import ParameterBridge
 from are_ros.node.qos import advertise
 from are_ros.node.services import Services
 from are_ros.node.topics import Publishers, Subscriptions, WireDecoding, WireMessage
-from are_ros.node.watches import CallbackTimer, CameraWatch, Watchdog
+from are_ros.node.watches import GRACE_S, CallbackTimer, Lasting, Watchdog
 from are_ros.parameters.choices import OnRobotContact
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.validation import with_contact_policy
@@ -35,6 +35,8 @@ NAME: Final = "ar_builder"
 _ON_CONTACT: Final = OnRobotContact.HOLD
 """What `auto` means for a live robot, which can react."""
 _REPORT_S: Final = 1.0
+_STAND_IN_S: Final = 3.0
+"""After this time without CameraInfo the default camera is used."""
 _MOST_SENTENCES: Final = 1000
 _KERNELS_A_LINE: Final = 25
 _LEAPS: Final = JumpThreshold(
@@ -75,7 +77,8 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         )
         diagnostics = advertise(self, "diagnostic_msgs/msg/DiagnosticArray", "/diagnostics")
         self._reporter = Reporter(self, diagnostics)
-        self._camera_watch, self._stand_in = CameraWatch(), ""
+        self._is_blind, self._is_only_mapped = Lasting(_STAND_IN_S), Lasting(GRACE_S)
+        self._stand_in = ""
         self._busy = CallbackTimer()
         self._hangs: Watchdog | None = None
         self._wakes_ns: int | None = None
@@ -286,20 +289,17 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
     def _report(self) -> None:
         """Once a second: follow the publishers, run the due work, publish diagnostics."""
         with self._turn("diagnostics"):
-            self._look_and_report()
-
-    def _look_and_report(self) -> None:
-        if self.live is not None and self._inputs is not None:
-            self._inputs.follow_publishers()
-            self._look_for_camera(self.live, self._inputs)
-            self._work()
-            for notice in self.live.take_notices():
-                self._say(notice)
-        now_ns = monotonic_ns()
-        busy = self._busy.figures(now_ns)
-        self._reporter.report(self.live, self._inputs, busy, now_ns, is_paused=self._is_paused)
-        if self._reporter.clock_doubt:
-            self._say(self._reporter.clock_doubt)
+            if self.live is not None and self._inputs is not None:
+                self._inputs.follow_publishers()
+                self._look_for_camera(self.live, self._inputs)
+                self._work()
+                for notice in self.live.take_notices():
+                    self._say(notice)
+            now_ns = monotonic_ns()
+            busy = self._busy.figures(now_ns)
+            self._reporter.report(self.live, self._inputs, busy, now_ns, is_paused=self._is_paused)
+            if self._reporter.clock_doubt:
+                self._say(self._reporter.clock_doubt)
 
     def _look_for_camera(self, live: LiveBuilder, subscriptions: Subscriptions) -> None:
         """Use the default camera where no CameraInfo is published, and warn later."""
@@ -307,11 +307,11 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         is_missing = self._is_active and not is_offered and live.builder.camera is None
         if is_offered or live.builder.camera is None:
             self._stand_in = ""
-        if self._camera_watch.is_to_stand_in(now_ns, is_missing=is_missing):
+        if self._is_blind.see(now_ns, holds=is_missing):
             self._stand_in = live.builder.use_default_camera()
+        # Publishers are discovered one after the other, and the robot may start after the node.
         is_only_map_offered = self._is_active and not is_offered and subscriptions.is_offered("map")
-        is_late = self._camera_watch.is_to_be_said(now_ns, is_only_map_offered=is_only_map_offered)
-        if is_late and self._stand_in:
+        if self._is_only_mapped.see(now_ns, holds=is_only_map_offered) and self._stand_in:
             self._say(f"nobody publishes CameraInfo: {self._stand_in}")
 
     def _set_paused(self, is_paused: bool) -> str:

@@ -18,8 +18,10 @@ from are_ros.messages.sensors import SENSORS
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.watches import (
     GRACE_S,
+    LATELY_NS,
+    MINUTE_NS,
     CountWatch,
-    FaultSnapshot,
+    FaultWatch,
     InputSnapshot,
     TickFigures,
 )
@@ -107,16 +109,6 @@ class PopulationSnapshot:
 
 
 @dataclass(frozen=True)
-class ContactSnapshot:
-    """The robot's contacts with artefacts: their number, and the last one."""
-
-    count: int = 0
-    last: str = ""
-    """As "person_adult 7, 0.05 m deep"."""
-    last_age_s: float | None = None
-
-
-@dataclass(frozen=True)
 class NodeSnapshot:
     """The node at one moment. A problem is one sentence, empty where there is none.
 
@@ -141,9 +133,12 @@ class NodeSnapshot:
     busy_ms: Mapping[str, float] = field(default_factory=dict)
     """The longest time without an answer in the last minute, by kind of work."""
     population: PopulationSnapshot = field(default_factory=PopulationSnapshot)
-    contacts: ContactSnapshot = field(default_factory=ContactSnapshot)
+    contacts: int = 0
+    last_contact: str = ""
+    """As "person_adult 7, 0.05 m deep"."""
+    last_contact_age_s: float = math.inf
     sensors: tuple[SensorSnapshot, ...] = ()
-    faults: FaultSnapshot = field(default_factory=FaultSnapshot)
+    faults: FaultWatch = field(default_factory=FaultWatch)
 
 
 # The status of an input.
@@ -381,7 +376,7 @@ def _population(snapshot: NodeSnapshot) -> Status:
 
 def _behaviours(snapshot: NodeSnapshot) -> Status:
     faults = snapshot.faults
-    values = {name: f"{count} failed" for name, count in faults.counts.items()}
+    values = {name: f"{count} failed" for name, count in sorted(faults.counts.items())}
     said = [faults.hung] if faults.hung else []
     if faults.counts:
         who = counted(sum(faults.counts.values()), "artefact")
@@ -392,12 +387,12 @@ def _behaviours(snapshot: NodeSnapshot) -> Status:
 
 
 def _contacts(snapshot: NodeSnapshot) -> Status:
-    contacts = snapshot.contacts
-    values = {"contacts": str(contacts.count), "last": contacts.last or "-"}
-    if contacts.last_age_s is not None and contacts.last_age_s <= _CONTACT_S:
-        message = f"the robot has touched {contacts.last}, {contacts.last_age_s:.1f} s ago"
+    last, age_s = snapshot.last_contact, snapshot.last_contact_age_s
+    values = {"contacts": str(snapshot.contacts), "last": last or "-"}
+    if age_s <= _CONTACT_S:
+        message = f"the robot has touched {last}, {age_s:.1f} s ago"
         return Status(Level.WARN, "robot contact", message, values)
-    return Status(Level.OK, "robot contact", counted(contacts.count, "contact"), values)
+    return Status(Level.OK, "robot contact", counted(snapshot.contacts, "contact"), values)
 
 
 def _sensor(sensor: SensorSnapshot) -> Status:
@@ -426,8 +421,7 @@ def _sensor(sensor: SensorSnapshot) -> Status:
 # The snapshot is taken and published once a second.
 
 
-_MINUTE_NS: Final = 60 * NS_PER_S
-_LATELY_NS: Final = 10 * NS_PER_S
+_NEVER_NS: Final = -(2**63)
 
 
 class Reporter:
@@ -442,9 +436,9 @@ class Reporter:
     def __init__(self, node: "Node", publisher: Any) -> None:
         self._node = node
         self._publisher = publisher
-        self._blocked, self._arrived = CountWatch(_MINUTE_NS), CountWatch(_MINUTE_NS)
+        self._blocked, self._arrived = CountWatch(MINUTE_NS), CountWatch(MINUTE_NS)
         self._passed: dict[str, CountWatch] = {}
-        self._last_contact: tuple[str, int] | None = None
+        self._last_contact, self._contact_ns = "", _NEVER_NS
         self.clock_doubt = ""
         """A warning about the clock for the log, empty if there is none."""
 
@@ -452,8 +446,8 @@ class Reporter:
         """Take the events since the last tick; the last contact of the robot is kept."""
         for event in events:
             if event.kind is EventKind.ROBOT_CONTACT:
-                last = f"{event.label} {event.artefact_id}, {event.value:.2f} m deep"
-                self._last_contact = (last, now_ns)
+                self._last_contact = f"{event.label} {event.artefact_id}, {event.value:.2f} m deep"
+                self._contact_ns = now_ns
 
     def report(
         self,
@@ -500,8 +494,10 @@ class Reporter:
             "cloud_problem": f"nothing joins its frame '{frame}' to the map" if frame else "",
             "ticks": live.watch.figures(now_ns),
             "population": self._population(builder, now_ns),
-            "contacts": self._contacts(builder, now_ns),
-            "faults": live.faults.snapshot(),
+            "contacts": builder.lives.crowd.contacts.count,
+            "last_contact": self._last_contact,
+            "last_contact_age_s": (now_ns - self._contact_ns) / NS_PER_S,
+            "faults": live.faults,
             "sensors": tuple(self._sensors(live, now_ns)),
         }
 
@@ -527,18 +523,11 @@ class Reporter:
             is_map_closed=builder.world.grid is not None and not builder.world.has_free_cells,
         )
 
-    def _contacts(self, builder: ArBuilder, now_ns: int) -> ContactSnapshot:
-        count = builder.lives.crowd.contacts.count
-        if self._last_contact is None:
-            return ContactSnapshot(count)
-        last, then_ns = self._last_contact
-        return ContactSnapshot(count, last, (now_ns - then_ns) / NS_PER_S)
-
     def _sensors(self, live: LiveBuilder, now_ns: int) -> Iterator[SensorSnapshot]:
         builder = live.builder
         problems, late_ns = builder.sensors.problems(), builder.sensors.late_ns()
         for topic, counts in builder.sensors.counts().items():
-            watch = self._passed.setdefault(topic, CountWatch(_LATELY_NS))
+            watch = self._passed.setdefault(topic, CountWatch(LATELY_NS))
             watch.update(now_ns, counts.passed_through)
             yield SensorSnapshot(
                 topic=topic,

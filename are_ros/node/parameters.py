@@ -182,7 +182,10 @@ class ParameterBridge:
 
     def _accepted(self, given: Sequence[Parameter]) -> Parameters:
         """Return the values with those given; AreError if the call must be refused."""
-        changes = {one.name: one.value for one in given if not self._is_of_others(one.name)}
+        known = self._items.keys() | self._node_items.keys()
+        # What rclpy or other code has declared is theirs.
+        own = [one for one in given if one.name in known or not self._node.has_parameter(one.name)]
+        changes = {one.name: one.value for one in own}
         for path, value in changes.items():
             if path in self._node_items:
                 raise ParameterError(f"parameter '{path}': it is read at the start only")
@@ -204,11 +207,6 @@ class ParameterBridge:
                     f"clean the node up first (ros2 lifecycle set {name} cleanup)"
                 )
                 raise ParameterError(message)
-
-    def _is_of_others(self, name: str) -> bool:
-        """Return whether rclpy or other code has declared a parameter."""
-        is_ours = name in self._items or name in self._node_items
-        return not is_ours and bool(self._node.has_parameter(name))
 
     def _as_is(self, item: Description, values: Parameters) -> Parameter:
         return ros_parameter(item, plain(value_at(values, item.path)))

@@ -190,7 +190,9 @@ class Subscriptions:
     def _subscribed(self, role: str, topic: str) -> Any:
         options: dict[str, Any] = {"raw": True}
         if role == _CLOUD:
-            options["qos_profile"] = self._cloud_qos()
+            profile = options["qos_profile"] = input_qos(_CLOUD)
+            if self._is_cloud_latched:
+                profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
             # Without a callback rclpy warns; `follow_publishers` adapts the subscription.
             options["event_callbacks"] = SubscriptionEventCallbacks(incompatible_qos=lambda _: None)
         name = self._node.resolve_topic_name(topic)
@@ -201,12 +203,6 @@ class Subscriptions:
             self._store(WireMessage(name, type_name, data))
 
         return subscribe(self._node, role, take, topic, **options)
-
-    def _cloud_qos(self) -> Any:
-        profile = input_qos(_CLOUD)
-        if self._is_cloud_latched:
-            profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
-        return profile
 
 
 # The outputs.
@@ -251,7 +247,8 @@ class Publishers:
 
     def has_new_viewer(self) -> bool:
         """Return whether the markers have more subscribers than at the last call."""
-        before, self._viewers = self._viewers, self._count("markers")
+        before, publisher = self._viewers, self._publishers.get("markers")
+        self._viewers = publisher.get_subscription_count() if publisher else 0
         return self._viewers > before
 
     def publish(self, name: str, data: bytes) -> None:
@@ -277,10 +274,6 @@ class Publishers:
         for publisher in self._publishers.values():
             self._node.destroy_publisher(publisher)
         self._publishers.clear()
-
-    def _count(self, name: str) -> int:
-        publisher = self._publishers.get(name)
-        return 0 if publisher is None else int(publisher.get_subscription_count())
 
     def _advertise(self, name: str, type_name: str, say: Callable[[str], None]) -> None:
         try:

@@ -8,12 +8,14 @@ from dataclasses import dataclass, field
 from time import monotonic_ns
 from typing import Any, Final
 
+import numpy as np
+
 from are_ros.agents.behaviours.calls import running_behaviour
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BehaviourError
-from are_ros.wording import counted
 
-WINDOW_NS: Final = 60 * NS_PER_S
+MINUTE_NS: Final = 60 * NS_PER_S
+LATELY_NS: Final = 10 * NS_PER_S
 _NS_PER_MS: Final = 1e6
 
 
@@ -54,7 +56,7 @@ class TickWatch:
         self.late_count += 2 * late_ns > self.period_ns
         self._ended_ns = now_ns
         self._durations.append((now_ns, duration_ns))
-        self._forget_before(now_ns - WINDOW_NS)
+        self._forget_before(now_ns - MINUTE_NS)
 
     def skipped(self, ticks: int = 1) -> None:
         """Count skipped ticks."""
@@ -62,18 +64,22 @@ class TickWatch:
 
     def figures(self, now_ns: int) -> TickFigures:
         """Return the figures at this moment."""
-        self._forget_before(now_ns - WINDOW_NS)
-        durations = sorted(duration_ns for _, duration_ns in self._durations)
+        self._forget_before(now_ns - MINUTE_NS)
+        durations_ns = [duration_ns for _, duration_ns in self._durations]
+        p50_ms = p99_ms = max_ms = None
+        if durations_ns:
+            ranks_ns = np.percentile(durations_ns, (50, 99, 100), method="inverted_cdf")
+            p50_ms, p99_ms, max_ms = (ranks_ns / _NS_PER_MS).tolist()
         return TickFigures(
             period_s=self.period_ns / NS_PER_S,
             count=self.count,
             skipped=self.skipped_count,
             late=self.late_count,
             age_s=None if self._ended_ns is None else (now_ns - self._ended_ns) / NS_PER_S,
-            p50_ms=_percentile_ms(durations, 50),
-            p99_ms=_percentile_ms(durations, 99),
-            max_ms=_percentile_ms(durations, 100),
-            over=sum(duration_ns > self.period_ns for duration_ns in durations),
+            p50_ms=p50_ms,
+            p99_ms=p99_ms,
+            max_ms=max_ms,
+            over=sum(duration_ns > self.period_ns for duration_ns in durations_ns),
         )
 
     def _forget_before(self, begin_ns: int) -> None:
@@ -81,18 +87,9 @@ class TickWatch:
             self._durations.popleft()
 
 
-def _percentile_ms(durations_ns: list[int], percent: int) -> float | None:
-    """Return the nearest-rank percentile of sorted durations."""
-    if not durations_ns:
-        return None
-    rank = -(-percent * len(durations_ns) // 100)
-    return durations_ns[max(rank, 1) - 1] / _NS_PER_MS
-
-
 # Blocking times of the node, by kind of work.
 
 
-WINDOW_S: Final = 60
 MACHINE: Final = "machine"
 """The node had due work but did not run: other processes had the processor, or it was stopped."""
 _REQUESTED: Final = frozenset({"services", "parameters", "transitions", "diagnostics"})
@@ -147,7 +144,7 @@ class CallbackTimer:
 
     def figures(self, now_ns: int) -> dict[str, float]:
         """Return the longest time without an answer in the last minute [ms], by kind of work."""
-        self._forget_before(now_ns // NS_PER_S - WINDOW_S)
+        self._forget_before((now_ns - MINUTE_NS) // NS_PER_S)
         longest_ms: dict[str, float] = {}
         for _, durations in self._longest:
             for what, duration_ns in durations.items():
@@ -159,7 +156,7 @@ class CallbackTimer:
         second = now_ns // NS_PER_S
         if not self._longest or self._longest[-1][0] != second:
             self._longest.append((second, {}))
-            self._forget_before(second - WINDOW_S)
+            self._forget_before((now_ns - MINUTE_NS) // NS_PER_S)
         durations = self._longest[-1][1]
         durations[what] = max(durations.get(what, 0), duration_ns)
 
@@ -171,60 +168,31 @@ class CallbackTimer:
 # Failed behaviours of users, and when they are logged.
 
 
-_REST_NS: Final = 60 * NS_PER_S
-"""The least time between two log entries of one behaviour."""
+@dataclass
+class FaultWatch:
+    """Collects faults; logs the first of each behaviour at once, then at most one a minute.
 
-
-@dataclass(frozen=True)
-class FaultSnapshot:
-    """The number of failed behaviours since the start, by name, and the last failure.
-
-    `hung` is a sentence about the last behaviour that blocked the node, empty if there was none.
+    `counts` are the failures since the start, by behaviour; `last` is the last one. `hung` is a
+    sentence about the last behaviour that blocked the node. Both are empty if there was none.
     """
 
-    counts: dict[str, int] = field(default_factory=dict)
+    counts: Counter[str] = field(default_factory=Counter)
     last: str = ""
     hung: str = ""
-
-
-@dataclass
-class _Fault:
-    sentence: str
-    untold: int = 0
-    told_ns: int | None = None
-
-
-class FaultWatch:
-    """Collects faults; logs the first of each behaviour at once, then at most one a minute."""
-
-    def __init__(self) -> None:
-        self._counts: Counter[str] = Counter()
-        self._faults: dict[str, _Fault] = {}
-        self._last = ""
-        self.hung = ""
+    _untold: dict[str, str] = field(default_factory=dict)
+    _told_ns: dict[str, int] = field(default_factory=dict)
 
     def take(self, fault: BehaviourError) -> None:
         """Take a fault."""
-        self._last = str(fault)
-        self._counts[fault.behaviour] += 1
-        known = self._faults.setdefault(fault.behaviour, _Fault(self._last))
-        known.sentence, known.untold = self._last, known.untold + 1
+        self.last = self._untold[fault.behaviour] = str(fault)
+        self.counts[fault.behaviour] += 1
 
     def sentences(self, now_ns: int) -> list[str]:
         """Return the sentences to log now; `now_ns` is monotonic."""
-        sentences = []
-        for fault in self._faults.values():
-            is_rested = fault.told_ns is None or now_ns - fault.told_ns >= _REST_NS
-            if is_rested and fault.untold > 0:
-                others = fault.untold - 1
-                more = f", as {counted(others, 'other')} before it" if others else ""
-                sentences.append(f"{fault.sentence}; it stands from now on{more}")
-                fault.untold, fault.told_ns = 0, now_ns
-        return sentences
-
-    def snapshot(self) -> FaultSnapshot:
-        """Return the counts for the diagnostics."""
-        return FaultSnapshot(dict(sorted(self._counts.items())), self._last, self.hung)
+        rested_ns = now_ns - MINUTE_NS
+        due = [name for name in self._untold if self._told_ns.get(name, rested_ns) <= rested_ns]
+        self._told_ns.update(dict.fromkeys(due, now_ns))
+        return [f"{self._untold.pop(name)}; it stands from now on" for name in due]
 
 
 # Behaviours of users that do not return: a watchdog thread logs them at once.
@@ -310,8 +278,6 @@ class CountWatch:
 # One input: messages, rate, refusals and their reasons.
 
 
-RATE_WINDOW_NS: Final = 10 * NS_PER_S
-REFUSAL_WINDOW_NS: Final = 10 * NS_PER_S
 _MOST_STAMPS: Final = 1024
 """Beyond these the rate is that over the newest; a minute's transforms need not be kept."""
 
@@ -352,13 +318,13 @@ class InputWatch:
         self.refused_count = 0
         self.last_refusal = ""
         self._stamps: deque[int] = deque(maxlen=_MOST_STAMPS)
-        self._refusals = CountWatch(REFUSAL_WINDOW_NS)
+        self._refusals = CountWatch(LATELY_NS)
 
     def received(self, now_ns: int) -> None:
         """Count a message, whether or not it will be refused."""
         self.count += 1
         self._stamps.append(now_ns)
-        while self._stamps[0] <= now_ns - RATE_WINDOW_NS:
+        while self._stamps[0] <= now_ns - LATELY_NS:
             self._stamps.popleft()
 
     def refused(self, now_ns: int, sentence: str) -> None:
@@ -388,43 +354,27 @@ class InputWatch:
         return (self._stamps[-1] - self._stamps[0]) / intervals / NS_PER_S
 
 
-# How long no CameraInfo has been published.
+# How long something lasts.
 
 
 GRACE_S: Final = 5.0
 """For this long after activation a missing input is no error."""
-_STAND_IN_S: Final = 3.0
 
 
-class CameraWatch:
-    """Decides when the default camera is used, and when the node warns of it.
+class Lasting:
+    """Tells whether something has held for `least_s` without a break.
 
-    Times are those of a clock that never jumps. Publishers are discovered one after the other, and
-    the robot may start after the node. So the warning comes only when a map has been published for
-    `GRACE_S` without a CameraInfo.
+    Times are those of a clock that never jumps.
     """
 
-    def __init__(self) -> None:
-        self._blind_since_ns: int | None = None
-        self._mapped_since_ns: int | None = None
+    def __init__(self, least_s: float) -> None:
+        self._least_ns = least_s * NS_PER_S
+        self._since_ns: int | None = None
 
-    def is_to_stand_in(self, now_ns: int, *, is_missing: bool) -> bool:
-        """Return whether there has been neither a camera nor a CameraInfo publisher for 3 s."""
-        self._blind_since_ns = _since(self._blind_since_ns, now_ns, holds=is_missing)
-        return _has_lasted(self._blind_since_ns, now_ns, _STAND_IN_S)
-
-    def is_to_be_said(self, now_ns: int, *, is_only_map_offered: bool) -> bool:
-        """Return whether a map, but no CameraInfo, has been published for `GRACE_S`."""
-        self._mapped_since_ns = _since(self._mapped_since_ns, now_ns, holds=is_only_map_offered)
-        return _has_lasted(self._mapped_since_ns, now_ns, GRACE_S)
-
-
-def _since(before_ns: int | None, now_ns: int, *, holds: bool) -> int | None:
-    """Return since when something has held without a break."""
-    if not holds:
-        return None
-    return now_ns if before_ns is None else before_ns
-
-
-def _has_lasted(since_ns: int | None, now_ns: int, least_s: float) -> bool:
-    return since_ns is not None and now_ns - since_ns >= least_s * NS_PER_S
+    def see(self, now_ns: int, *, holds: bool) -> bool:
+        """Take whether it holds now; return whether it has lasted."""
+        if not holds:
+            self._since_ns = None
+        elif self._since_ns is None:
+            self._since_ns = now_ns
+        return self._since_ns is not None and now_ns - self._since_ns >= self._least_ns

@@ -17,6 +17,7 @@ from are_ros.replay.command import effective_parameters
 from are_ros.replay.output_folder import AUGMENTED, VIEW, animation_path
 from are_ros.replay.pictures import draw_recording, view_recording
 from are_ros.replay.progress import ProgressBar
+from are_ros.wording import counted
 
 Say = Callable[[str], None]
 
@@ -87,6 +88,5 @@ def read_remaps(texts: Sequence[str]) -> dict[str, str]:
 
 def _played(outcome: PlayOutcome) -> str:
     """Return how much was played."""
-    count = sum(outcome.counts.values())
-    topics = len(outcome.counts)
-    return f"played       {count} messages on {topics} {'topic' if topics == 1 else 'topics'}"
+    count, topics = sum(outcome.counts.values()), counted(len(outcome.counts), "topic")
+    return f"played       {count} messages on {topics}"

@@ -27,8 +27,8 @@ _TOPICS: Final = ("artefacts", "perceived", "events", "artefact_map", *_COUNTED)
 
 @dataclass
 class _Tally:
-    ticks: int = 0
     alive: list[int] = field(default_factory=list)
+    """How many artefacts there were, tick by tick."""
     labels: dict[int, str] = field(default_factory=dict)
     perceived: set[int] = field(default_factory=set)
     events: Counter[int] = field(default_factory=Counter)
@@ -42,7 +42,6 @@ class _Tally:
         """Count one message of an output, by its value where that matters."""
         self.messages[name] += 1
         if isinstance(value, Scene):
-            self.ticks += 1
             self.alive.append(len(value.ids))
             ids = value.ids.tolist()
             self.labels.update(zip(ids, value.classes, strict=True))
@@ -86,13 +85,13 @@ def _lines(tally: _Tally) -> Iterator[str]:
     yield f"robot        {counted(events[ROBOT_CONTACT], 'contact')} with artefacts"
     shown = sum(map(len, tally.in_the_maps.values()))
     hidden = sum(len(ids - tally.in_sight.get(t, set())) for t, ids in tally.in_the_maps.items())
-    ticks = max(tally.ticks, 1)
+    ticks = len(alive)
     yield (
         f"in the maps  {shown / ticks:.1f} on average, {hidden / ticks:.1f} of them out of sight "
         "(costmap.memory, costmap.gate)"
     )
     sent = tally.messages
-    yield f"ticks        {tally.ticks}"
+    yield f"ticks        {len(tally.alive)}"
     yield (
         f"published    {counted(sent['augmented_map'], 'augmented map')}, "
         f"{counted(sent['scan'], 'augmented scan')}, {counted(sent['markers'], 'marker message')}"

@@ -48,27 +48,22 @@ _MARGIN_M: Final = 6.0
 
 
 def view_live_command(say: Say, namespace: str, port: int) -> None:
-    """Serve the scene until a signal comes. Raises NodeError without viser, or without the node."""
-    with stop_on_signals(is_last=False) as stop:
-        serve(namespace, port, say, stop.should_stop)
+    """Serve the scene of the node at http://localhost:PORT until a signal comes; port 0: any.
 
-
-def serve(namespace: str, port: int, say: Say, should_stop: Callable[[], bool]) -> None:
-    """Serve the scene of the node at http://localhost:PORT; port 0 is any that is free.
-
-    Waits up to a minute for the node, and raises NodeError where it does not answer.
+    Waits up to a minute for the node. Raises NodeError without viser, or where it does not answer.
     """
     if not has_viser():
         raise NodeError(MISSING_VISER)
     with (
+        stop_on_signals(is_last=False) as stop,
         ros_session("are_viewer") as node,
         executor_of(node) as executor,
         _running(port) as server,
     ):
-        remote = RemoteNode(node, executor, namespace, should_stop)
+        remote = RemoteNode(node, executor, namespace, stop.should_stop)
         live = LiveView(server, remote, remote.parameters())
         say(f"the running node can be seen at http://localhost:{server.get_port()}; Ctrl-C ends it")
-        while not should_stop():
+        while not stop.is_set:
             executor.spin_once(timeout_sec=0.05)
             live.work()
 

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Final
 
+from rclpy.duration import Duration
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
@@ -180,7 +181,7 @@ class Lockstep(Pace):
         if target in self._under_way:
             self._meet()
         topics.publish(message)
-        if topics.has_listeners(message.topic):
+        if topics.publishers[message.topic].get_subscription_count():
             self._under_way.add(target)
             if len(message.data) > LARGE_BYTES:
                 self._await_arrival(message.topic, topics)
@@ -207,7 +208,7 @@ class Lockstep(Pace):
     def _await_arrival(self, topic: str, topics: PlayedTopics) -> None:
         names = ", ".join(peer.name for peer in self._peers)
         why_not = f"{names}: {topic} was not acknowledged for {_PATIENCE_S:.0f} s"
-        arrived = partial(topics.wait_until_acknowledged, topic, ASK_S)
+        arrived = partial(topics.publishers[topic].wait_for_all_acked, Duration(seconds=ASK_S))
         self._await(arrived, _PATIENCE_S, why_not)
 
     def _meet(self) -> None:

@@ -1,7 +1,7 @@
 """`are play`: a recording to live topics, with /clock, as `ros2 bag play --clock` does."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from heapq import merge
 from operator import itemgetter
@@ -63,12 +63,12 @@ class PlayWindow:
         """The time at which it ends."""
         return self.clock.at(self.window.stop_ns)
 
-    def messages(self, topics: tuple[str, ...]) -> Iterator[tuple[int, BagMessage]]:
+    def messages(self, topics: Collection[str]) -> Iterator[tuple[int, BagMessage]]:
         """Yield (time, message) of the window."""
         for message in self.reader.messages(topics, self.window.start_ns, self.window.stop_ns):
             yield max(self.clock.at(message.log_time_ns), self.start_ns), message
 
-    def earlier(self, topics: tuple[str, ...]) -> Iterator[BagMessage]:
+    def earlier(self, topics: Collection[str]) -> Iterator[BagMessage]:
         """Yield latched messages and recent transforms of before the start."""
         known = [topic for topic in self.reader.topics if topic.name in topics]
         latched = {topic.name for topic in known if topic.is_latched or "static" in topic.name}
@@ -129,8 +129,6 @@ class RealTimePace(Pace):
         time.sleep(_REST_S)
 
 
-__all__ = ("PlayOptions", "PlayOutcome", "play")
-
 _LATE_S: Final = 0.1
 _LINGER_S: Final = 0.1
 """The publishers stay this long, so that the last messages arrive. (Acknowledgements take up to
@@ -175,7 +173,7 @@ def play(
             )
         options.check_topics([topic.name for topic in reader.topics])
         topics = PlayedTopics(node, reader, options, say)
-        if not topics.names:
+        if not topics.publishers:
             raise BagError("nothing is left to play of the recording")
         clock = ClockPublisher(node, options.clock_hz)
         pace: Pace = RealTimePace(options.rate, should_stop)
@@ -207,15 +205,16 @@ def _play_once(
     """Play the recording once; return whether it came to its end."""
     pace.begin(recording.start_ns)
     pace.tell(recording.start_ns, clock)
-    for early in recording.earlier(topics.names):
+    for early in recording.earlier(topics.publishers):
         if not pace.wait_a_little():
             return False
         pace.send(early, topics)
     pace.begin(recording.start_ns)
     times_ns = clock.times_after(recording.start_ns, recording.end_ns)
     instants: Iterator[tuple[int, BagMessage | None]] = ((at_ns, None) for at_ns in times_ns)
+    recorded = recording.messages(topics.publishers)
     has_begun = False
-    for now_ns, message in merge(instants, recording.messages(topics.names), key=itemgetter(0)):
+    for now_ns, message in merge(instants, recorded, key=itemgetter(0)):
         if not pace.wait_until(now_ns):
             return False
         if message is not None:

@@ -93,21 +93,12 @@ class PlayedTopics:
         self.counts: dict[str, int] = {}
         self._reader = reader
         self._topics: dict[str, BagTopic] = {}
-        self._publishers: dict[str, Any] = {}
+        self.publishers: dict[str, Any] = {}
+        """By the recorded names of the topics that are played."""
         self._unacknowledged: set[str] = set()
         for topic in reader.topics:
             if topic.count and options.is_chosen(topic.name):
                 self._open(node, topic, options, say)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The recorded names of the topics that are played."""
-        return tuple(self._publishers)
-
-    @property
-    def publishers(self) -> Mapping[str, Any]:
-        """The publishers, by recorded name."""
-        return self._publishers
 
     def publish(self, message: BagMessage) -> None:
         """Send a message; one of ROS 1 that cannot be understood is counted as skipped.
@@ -126,22 +117,14 @@ class PlayedTopics:
             data = as_ros2(original, ros2_type(recorded.type_name))
         else:
             data = bytes(message.data)
-        self._publishers[topic].publish(data)
+        self.publishers[topic].publish(data)
         self.counts[topic] += 1
         if recorded.is_latched and len(data) > LARGE_BYTES:
             self._unacknowledged.add(topic)
 
     def target(self, topic: str) -> str:
         """Return the name under which a recorded topic is played."""
-        return str(self._publishers[topic].topic_name)
-
-    def has_listeners(self, topic: str) -> bool:
-        """Return whether a topic, by its recorded name, has subscribers."""
-        return bool(self._publishers[topic].get_subscription_count())
-
-    def wait_until_acknowledged(self, topic: str, timeout_s: float) -> bool:
-        """Wait until reliable subscribers have acknowledged a topic; return whether they have."""
-        return bool(self._publishers[topic].wait_for_all_acked(Duration(seconds=timeout_s)))
+        return str(self.publishers[topic].topic_name)
 
     def wait_for_latched(self, timeout_s: float) -> bool:
         """Wait until reliable subscribers have the large latched messages; False without any.
@@ -152,14 +135,14 @@ class PlayedTopics:
         limit = Duration(seconds=timeout_s)
         waiting, self._unacknowledged = self._unacknowledged, set()
         for topic in waiting:
-            self._publishers[topic].wait_for_all_acked(limit)
+            self.publishers[topic].wait_for_all_acked(limit)
         return bool(waiting)
 
     def _open(
         self, node: Node, topic: BagTopic, options: PlayOptions, say: Callable[[str], None]
     ) -> None:
         try:
-            self._publishers[topic.name] = self._publisher(node, topic, options)
+            self.publishers[topic.name] = self._publisher(node, topic, options)
         except NodeError as cause:
             self.skipped[topic.name] = str(cause)
             say(f"{topic.name} is not played: {cause}")

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
@@ -24,12 +24,6 @@ from are_ros.wording import counted
 _MOST_AT_ONCE: Final = 10
 
 
-class _Request(NamedTuple):
-    service: Any
-    content: Any
-    header: Any
-
-
 class RequestQueue:
     """Takes the requests to all services of a node, and answers them on demand.
 
@@ -40,7 +34,8 @@ class RequestQueue:
     def __init__(self, node: Node) -> None:
         self._context = node.context
         self._services = tuple(node.services)
-        self._pending: list[_Request] = []
+        self._pending: list[tuple[Any, Any, Any]] = []
+        """Service, request and header of each request that is not answered yet."""
 
     def wait(self, timeout_s: float) -> None:
         """Sleep until there is a request, but no longer than this."""
@@ -57,7 +52,11 @@ class RequestQueue:
     def take(self) -> bool:
         """Take the waiting requests; return whether any request is unanswered."""
         for service in self._services:
-            self._pending += self._taken(service)
+            for _ in range(_MOST_AT_ONCE):
+                content, header = service.handle.service_take_request(service.srv_type.Request)
+                if header is None:
+                    break
+                self._pending.append((service, content, header))
         return bool(self._pending)
 
     def give(self) -> None:
@@ -66,15 +65,6 @@ class RequestQueue:
         for service, content, header in pending:
             answer = service.callback(content, service.srv_type.Response())
             service.send_response(answer, header)
-
-    def _taken(self, service: Any) -> list[_Request]:
-        found = []
-        for _ in range(_MOST_AT_ONCE):
-            content, header = service.handle.service_take_request(service.srv_type.Request)
-            if header is None:
-                break
-            found.append(_Request(service, content, header))
-        return found
 
 
 NODE_NAME: Final = "are_recorder"

@@ -95,14 +95,11 @@ def _matches(topic: str, patterns: Sequence[str]) -> bool:
 _DEPTH, _BULKY_DEPTH = 1000, 100
 """Messages that may wait in the middleware; they are taken many times in a second."""
 
-_BULKY: Final = frozenset(
-    f"{package}/msg/{name}"
-    for package, names in {
-        "nav_msgs": ("OccupancyGrid",),
-        "sensor_msgs": ("CompressedImage", "Image", "PointCloud", "PointCloud2"),
-        "stereo_msgs": ("DisparityImage",),
-    }.items()
-    for name in names
+_BULKY: Final = (
+    "nav_msgs/msg/OccupancyGrid",
+    "sensor_msgs/msg/CompressedImage",
+    "sensor_msgs/msg/Image",
+    "sensor_msgs/msg/PointCloud2",
 )
 """A thousand messages of these types would fill the memory."""
 

@@ -1,6 +1,7 @@
 """What the diagnostics say, and how urgently, against their page in the docs."""
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,6 @@ import pytest
 
 from are_ros.bag.types import jazzy_typestore
 from are_ros.node.diagnostics import (
-    ContactSnapshot,
     Level,
     NodeSnapshot,
     NodeState,
@@ -20,7 +20,7 @@ from are_ros.node.diagnostics import (
     encode_diagnostics,
     statuses,
 )
-from are_ros.node.watches import FaultSnapshot, InputSnapshot, TickFigures
+from are_ros.node.watches import FaultWatch, InputSnapshot, TickFigures
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "diagnostics.md"
 NO_MAP = InputSnapshot("map", "/map", is_required=True, is_latched=True)
@@ -147,7 +147,7 @@ BLOCKED = (
 )
 TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
     (
-        {"faults": FaultSnapshot({"a:A": 2, "b:B": 1}, "b:B fell")},
+        {"faults": FaultWatch(Counter({"b:B": 1, "a:A": 2}), "b:B fell")},
         "behaviours",
         Level.WARN,
         "the behaviour of 3 artefacts has failed, and they stand; the last: b:B fell",
@@ -214,7 +214,7 @@ TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
         "for 130.0 ms the node did not answer: machine",
     ),
     (
-        {"faults": FaultSnapshot(hung="the behaviour a:A of artefact 7 (guest) did not return")},
+        {"faults": FaultWatch(hung="the behaviour a:A of artefact 7 (guest) did not return")},
         "behaviours",
         Level.WARN,
         "the behaviour a:A of artefact 7 (guest) did not return",
@@ -232,7 +232,7 @@ TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
         "the map has no free cell: nobody can arrive",
     ),
     (
-        {"contacts": ContactSnapshot(2, "person_adult 7, 0.05 m deep", 5.0)},
+        {"contacts": 2, "last_contact": "person_adult 7, 0.05 m deep", "last_contact_age_s": 5.0},
         "robot contact",
         Level.WARN,
         "the robot has touched person_adult 7, 0.05 m deep, 5.0 s ago",
@@ -287,7 +287,7 @@ def test_trouble_is_told_by_the_part_that_has_it(
         {"busy_ms": {"preparing": 400.0}},
         {"population": PopulationSnapshot(arrivals_lately=1, blocked_lately=2)},
         {"population": PopulationSnapshot(arrivals_lately=5, blocked_lately=5)},
-        {"contacts": ContactSnapshot(2, "person_adult 7", 5.1)},
+        {"contacts": 2, "last_contact": "person_adult 7", "last_contact_age_s": 5.1},
         {"sensors": (SensorSnapshot("/a", passed_through=9, last_problem="no frame 'x'"),)},
         {"uses_sim_time": True},
         {"stamps_ahead_s": -86_400.0},

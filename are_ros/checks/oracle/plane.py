@@ -183,6 +183,12 @@ def slab(starts: Floats, ways: Floats, low: Floats, high: Floats) -> tuple[Float
     return enter, leave
 
 
+def about_z(yaw_rad: float) -> Floats:
+    """Return the rotation (3, 3) by a yaw."""
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    return np.array(((cos, -sin, 0.0), (sin, cos, 0.0), (0.0, 0.0, 1.0)))
+
+
 def in_box(vectors_m: Floats, yaw_rad: float) -> Floats:
     """Return vectors (N, 3) along the axes of what is turned by a yaw."""
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)

@@ -37,16 +37,6 @@ class RealMap:
         yaw = 2.0 * float(np.arctan2(*grid.origin.rotation_xyzw[2:]))
         return cls(grid.cells, grid.resolution_m, (x, y, yaw), z, grid.frame_id)
 
-    @classmethod
-    def of_cells(
-        cls, occupied: NDArray[np.bool_], cell_m: float, origin: tuple[float, float, float]
-    ) -> "RealMap":
-        """Return a map of which cells (rows along y, columns along x) are walls.
-
-        The origin (x, y, yaw) is that of the outer corner of the cell (0, 0).
-        """
-        return cls(np.where(occupied, np.int8(100), np.int8(0)), cell_m, origin, 0.0, "map")
-
     def has_geometry_of(self, other: "RealMap") -> bool:
         """Tell whether two maps have one size, resolution and place, to single precision."""
         ours, theirs = (*self.corner, self.height_m), (*other.corner, other.height_m)

@@ -19,6 +19,7 @@ from are_ros.checks.oracle.frames import Pose
 from are_ros.checks.oracle.solids import Walls
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 _ROUNDS: Final = 400
 _CLOSE_PX: Final = 1e-6
@@ -209,9 +210,7 @@ class DepthFrame:
         return cls(stamp_ns, at_ns, frame_id, numbers, rest, code, (a, b))
 
 
-def changed_pixels(
-    real: DepthFrame, output: DepthFrame
-) -> tuple[str, NDArray[np.int64], NDArray[np.bool_]]:
+def changed_pixels(real: DepthFrame, output: DepthFrame) -> tuple[str, NDArray[np.int64], Bools]:
     """Return a fault or "", which pixels (M,) changed, in one row, and which had no return.
 
     Pixels may only come nearer, or get a depth where they had none.
@@ -399,9 +398,7 @@ class _Scene(NamedTuple):
     farthest_m: float
     walls: Walls | None
 
-    def hits(
-        self, rays: Floats, depths_m: Floats, slack: float = 0.0
-    ) -> tuple[Floats, NDArray[np.bool_]]:
+    def hits(self, rays: Floats, depths_m: Floats, slack: float = 0.0) -> tuple[Floats, Bools]:
         """Return the depths (H, W) at which rays meet artefacts, inf where depths (H, W) stay.
 
         The second array tells where that is doubtful. `slack` as in `nearest_depths`.
@@ -411,9 +408,24 @@ class _Scene(NamedTuple):
         hits_m = nearest_depths(rays, self.camera, self.shapes, limits_m + _GRAZING_M, slack)
         is_hit = hits_m < limits_m
         is_doubtful = is_none & (np.abs(hits_m - limits_m) < _GRAZING_M)
-        if (is_hit & is_none).any():
-            _hide(is_hit, is_doubtful, is_none, hits_m, rays, self.camera, self.walls)
+        self._hide(is_hit & is_none, hits_m, rays, is_hit, is_doubtful)
         return np.where(is_hit, hits_m, np.inf), is_doubtful
+
+    def _hide(
+        self, of_none: Bools, hits_m: Floats, rays: Floats, is_hit: Bools, is_doubtful: Bools
+    ) -> None:
+        """Take away hits (H, W) of pixels without a return that are behind walls, in place."""
+        which = np.nonzero(of_none)
+        if self.walls is None:
+            is_doubtful[which] = True
+            return
+        ways = rays[which] @ self.camera.rotation.T
+        lengths = np.linalg.norm(ways, axis=1)
+        reaches_m = hits_m[which] * lengths
+        starts_m = np.broadcast_to(self.camera.translation_m, ways.shape)
+        solid_m = self.walls.first_solid(starts_m, ways / lengths[:, None], reaches_m + 1.0)
+        is_hit[which] = solid_m >= reaches_m
+        is_doubtful[which] |= np.abs(solid_m - reaches_m) < _GRAZING_M
 
 
 def _is_beside(
@@ -421,8 +433,8 @@ def _is_beside(
     output: DepthFrame,
     rays: Floats,
     scene: _Scene,
-    which: NDArray[np.bool_],
-) -> NDArray[np.bool_]:
+    which: Bools,
+) -> Bools:
     """Return which of some pixels (M,) have the number that a ray close beside theirs has."""
     depths_m, found = real.depths_m[which][None], output.numbers[which].astype(np.float64)
     is_kept = found == real.numbers[which]
@@ -437,26 +449,3 @@ def _is_beside(
         is_alike = np.abs(found - numbers) <= step + _ALIKE * np.abs(numbers)
         is_beside |= np.where(is_hit, is_alike, is_kept)
     return is_beside
-
-
-def _hide(
-    is_hit: NDArray[np.bool_],
-    is_doubtful: NDArray[np.bool_],
-    is_none: NDArray[np.bool_],
-    hits_m: Floats,
-    rays: Floats,
-    camera: Pose,
-    walls: Walls | None,
-) -> None:
-    """Take away hits (H, W) of pixels without a return that are behind walls, in place."""
-    which = np.nonzero(is_hit & is_none)
-    if walls is None:
-        is_doubtful[which] = True
-        return
-    ways = rays[which] @ camera.rotation.T
-    lengths = np.linalg.norm(ways, axis=1)
-    reaches_m = hits_m[which] * lengths
-    starts_m = np.broadcast_to(camera.translation_m, ways.shape)
-    solid_m = walls.first_solid(starts_m, ways / lengths[:, None], reaches_m + 1.0)
-    is_hit[which] = solid_m >= reaches_m
-    is_doubtful[which] |= np.abs(solid_m - reaches_m) < _GRAZING_M

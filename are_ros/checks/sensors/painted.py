@@ -10,7 +10,7 @@ from scipy.ndimage import binary_dilation
 
 from are_ros.bag.decoded import Scene
 from are_ros.checks.oracle.frames import Pose
-from are_ros.checks.oracle.plane import slab
+from are_ros.checks.oracle.plane import about_z, slab
 from are_ros.checks.record import Record
 from are_ros.checks.result import CheckResult, Tally, at_s, skipped
 from are_ros.checks.sensors.colours import JPEG_BLOCK_PX, Bools, Mask, Painted
@@ -148,8 +148,7 @@ class _View:
 
     def _meets(self, box: Box, half_m: Floats) -> Bools:
         """Return the pixels whose rays meet a box of another size, or that look out of it."""
-        cos, sin = math.cos(box.yaw_rad), math.sin(box.yaw_rad)
-        turn = np.array(((cos, -sin, 0.0), (sin, cos, 0.0), (0.0, 0.0, 1.0)))
+        turn = about_z(box.yaw_rad)
         which = self._towards(box.centre_m, float(np.linalg.norm(half_m)))
         ways, here = self._ways[which] @ turn, (self._camera_m - box.centre_m) @ turn
         enters, leaves = slab(here, ways, -half_m, half_m)

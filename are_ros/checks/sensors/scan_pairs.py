@@ -125,13 +125,9 @@ class ScanPairs(Pairs):
         self.pixels = 0
         self.kept_depths = Kept[DepthPair](_MOST_IMAGES)
         self.infos: dict[str, Any] = {}
-        """The last CameraInfo by topic; `add_info` takes it."""
+        """The last CameraInfo by topic; those beside images belong to the ones that come after."""
         self._rays: deque[tuple[Any, bool, NDArray[np.float64]]] = deque(maxlen=_MOST_LENSES)
         self._input_stamps: dict[str, list[int]] = {}
-
-    def add_info(self, topic: str, message: Any) -> None:
-        """Take a CameraInfo; those beside images belong to the ones that come after."""
-        self.infos[topic] = message
 
     def rays(self, info: Any, *, rectified: bool) -> NDArray[np.float64]:
         """Return the rays (H, W, 3) of images of a CameraInfo; ValueError for an unknown lens."""

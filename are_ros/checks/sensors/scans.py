@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from are_ros.bag.decoded import DISPLACED, Scene
 from are_ros.checks.oracle.frames import EVER, Pose
-from are_ros.checks.oracle.plane import distances_m
+from are_ros.checks.oracle.plane import about_z, distances_m
 from are_ros.checks.oracle.solids import Cloud, Walls
 from are_ros.checks.record import Record
 from are_ros.checks.result import CheckResult, Tally, at_s, skipped
@@ -195,8 +195,7 @@ def _box(scene: Scene, i: int, position: Floats, slack_m: float) -> Box:
 
 def _turned(offset_m: Floats, yaw_rad: float) -> Floats:
     """Return an offset (2,) turned by a yaw."""
-    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
-    turned: Floats = np.array(((cos, -sin), (sin, cos))) @ offset_m
+    turned: Floats = about_z(yaw_rad)[:2, :2] @ offset_m
     return turned
 
 
@@ -362,8 +361,7 @@ def bodies_of(record: Record, boxes: list[Box]) -> list[Floats] | None:
     """
     is_mesh, found = record.settings.sensors.shape is Shape.MESH, list[Floats]()
     for box in boxes:
-        cos, sin = math.cos(box.yaw_rad), math.sin(box.yaw_rad)
-        turn = np.array(((cos, -sin, 0.0), (sin, cos, 0.0), (0.0, 0.0, 1.0)))
+        turn = about_z(box.yaw_rad)
         if not is_mesh:
             corners: Floats = box_triangles() * box.half_m @ turn.T
             found.append(corners + box.centre_m)

@@ -123,7 +123,7 @@ def record_of(before: ColourPixels, after: ColourImage) -> Record:
         record.scenes[-1] = replace(record.scenes[-1], at_ns=at_ns)
     numbers = (*CAMERA.translation_m.tolist(), *CAMERA.rotation_xyzw.tolist())
     record.frames.add("map", "camera", 0, 0, numbers, TF, is_static=True)
-    record.scans.add_info("/camera/camera_info", info_message())
+    record.scans.infos["/camera/camera_info"] = info_message()
     is_raw = isinstance(before, RawColour)
     kind = f"sensor_msgs/msg/{'Image' if is_raw else 'CompressedImage'}"
     for topic, image in ((IN, ColourImage(before)), (OUT, after)):
