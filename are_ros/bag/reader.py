@@ -2,7 +2,7 @@
 
 import heapq
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from operator import attrgetter, itemgetter
 from pathlib import Path
@@ -13,15 +13,13 @@ from typing import Any, Final, NamedTuple
 from rosbags.interfaces import MessageDefinitionFormat
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-from are_ros.bag.types import jazzy_typestore
+from are_ros.bag.types import jazzy_typestore, ros2_type
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.transforms import (
-    ROS1_DIGEST,
     OdometryNumbers,
     StampedTransform,
     decode_transforms_cdr,
-    decode_transforms_ros1,
     is_plain_cdr,
     read_odometry_numbers,
     read_transforms,
@@ -195,45 +193,18 @@ def _recordings_in(folder: Path) -> list[Path]:
 _IDL_SEPARATOR = "=" * 80 + "\n"
 
 
-class BagTypes:
-    """Typestores by connection: a malformed type does not affect the others."""
+def _typestore_of(connection: Any, *, is_ros1: bool) -> Any:
+    """Return a typestore that knows the connection's type.
 
-    def __init__(self, *, is_ros1: bool) -> None:
-        self._is_ros1 = is_ros1
-        self._stores: dict[tuple[str, str], Any] = {}
-
-    def store_of(self, connection: Any) -> Any:
-        """Return the typestore that knows the connection's type.
-
-        Types without a definition are taken from ROS 2 Jazzy or ROS 1 Noetic. BagError if the type
-        is not known there, cannot be understood, or the messages are not CDR.
-        """
-        key = (connection.msgtype, connection.msgdef.data)
-        if key not in self._stores:
-            self._stores[key] = self._make_store(connection)
-        return self._stores[key]
-
-    def _make_store(self, connection: Any) -> Any:
-        encoding = getattr(connection.ext, "serialization_format", "cdr")
-        if encoding != "cdr":
-            message = f"{connection.topic}: its messages are encoded as {encoding}, not as CDR"
-            raise BagError(message)
-        if connection.msgdef.format == MessageDefinitionFormat.NONE or not connection.msgdef.data:
-            return self._default_store(connection)
-        store = get_typestore(Stores.EMPTY)
-        try:
-            store.register(_types_of(connection))
-            store.get_msgdef(connection.msgtype)
-        except Exception as cause:
-            message = (
-                f"{connection.topic}: the recording's definition of {connection.msgtype}"
-                f" cannot be understood: {sentence_of(cause)}"
-            )
-            raise BagError(message) from cause
-        return store
-
-    def _default_store(self, connection: Any) -> Any:
-        store = get_typestore(Stores.ROS1_NOETIC) if self._is_ros1 else jazzy_typestore()
+    A type without a definition is taken from ROS 2 Jazzy or ROS 1 Noetic. BagError if it is not
+    known there, its definition cannot be understood, or the messages are not CDR.
+    """
+    encoding = getattr(connection.ext, "serialization_format", "cdr")
+    if encoding != "cdr":
+        message = f"{connection.topic}: its messages are encoded as {encoding}, not as CDR"
+        raise BagError(message)
+    if connection.msgdef.format == MessageDefinitionFormat.NONE or not connection.msgdef.data:
+        store = get_typestore(Stores.ROS1_NOETIC) if is_ros1 else jazzy_typestore()
         if connection.msgtype not in store.fielddefs:
             message = (
                 f"{connection.topic}: the recording does not define its type,"
@@ -241,6 +212,17 @@ class BagTypes:
             )
             raise BagError(message)
         return store
+    store = get_typestore(Stores.EMPTY)
+    try:
+        store.register(_types_of(connection))
+        store.get_msgdef(connection.msgtype)
+    except Exception as cause:
+        message = (
+            f"{connection.topic}: the recording's definition of {connection.msgtype}"
+            f" cannot be understood: {sentence_of(cause)}"
+        )
+        raise BagError(message) from cause
+    return store
 
 
 def _types_of(connection: Any) -> dict[str, Any]:
@@ -296,7 +278,8 @@ class BagReader:
         self._stack = ExitStack()
         self._readers: list[tuple[Path, Any]] = []
         self.is_ros1 = check_paths(self._paths)
-        self._types = BagTypes(is_ros1=self.is_ros1)
+        self._stores: dict[tuple[str, str], Any] = {}
+        self._migrations: dict[str, Any] = {}
         self._expected: dict[str, tuple[str, ...]] = {}
 
     def __enter__(self) -> "BagReader":  # noqa: PYI034 (Self came with Python 3.11)
@@ -360,16 +343,6 @@ class BagReader:
         else:
             yield from heapq.merge(*streams, key=attrgetter("log_time_ns"))
 
-    def learn_types(self, topics: Collection[str]) -> None:
-        """Parse the types of some topics now instead of at their first message.
-
-        A malformed type is reported at its first message.
-        """
-        for connection in self.connections():
-            if connection.topic in topics:
-                with suppress(BagError):
-                    self._types.store_of(connection)
-
     def expect(self, types: Mapping[str, tuple[str, ...]]) -> None:
         """Refuse messages of topics, from now on, whose type is none of theirs."""
         self._expected = dict(types)
@@ -387,7 +360,7 @@ class BagReader:
                 f"{connection.topic}: a message is of type {connection.msgtype}, not"
                 f" {' or '.join(expected)}"
             )
-        store = self._types.store_of(connection)
+        store = self._store_of(connection)
         try:
             if self.is_ros1:
                 return store.deserialize_ros1(message.data, connection.msgtype)
@@ -402,19 +375,40 @@ class BagReader:
                 return decode_transforms_cdr(message.data)
         except (StructError, UnicodeDecodeError) as cause:
             raise _malformed(message, cause) from cause
-        if self.is_ros1 and message.connection.digest == ROS1_DIGEST:
-            with suppress(StructError, UnicodeDecodeError):  # let the general way complain
-                return decode_transforms_ros1(message.data)
         return read_transforms(self.deserialize(message))
 
     def odometry(self, message: BagMessage) -> OdometryNumbers:
         """Return the numbers of an Odometry; errors as `deserialize`."""
         return read_odometry_numbers(self.deserialize(message))
 
+    def as_ros2(self, message: BagMessage) -> bytes:
+        """Return a message of ROS 1 as the bytes of the type that it has become in ROS 2.
+
+        Fields that ROS 2 lacks (Header.seq) are dropped, new ones are zero or empty. Errors as
+        `deserialize`.
+        """
+        from rosbags.convert.converter import migrate_message
+
+        ros1, ros2 = self._store_of(message.connection), jazzy_typestore()
+        kind, type_name = message.connection.msgtype, ros2_type(message.connection.msgtype)
+        original = self.deserialize(message)
+        try:
+            migrated = migrate_message(ros1, ros2, kind, type_name, self._migrations, original)
+            return bytes(ros2.serialize_cdr(migrated, type_name))
+        except Exception as cause:
+            raise _malformed(message, cause) from cause
+
     def connections(self) -> Iterator[Any]:
         """Yield rosbags' connections of all recordings: a topic and a type each."""
         for _, reader in self._readers:
             yield from reader.connections
+
+    def _store_of(self, connection: Any) -> Any:
+        """Return the typestore of a connection, made at its first message."""
+        key = (connection.msgtype, connection.msgdef.data)
+        if key not in self._stores:
+            self._stores[key] = _typestore_of(connection, is_ros1=self.is_ros1)
+        return self._stores[key]
 
     def _stream(
         self,

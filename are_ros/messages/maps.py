@@ -39,19 +39,16 @@ def read_grid(message: Any, source: str = "map") -> OccupancyGrid:
 
 
 _RESOLUTION_AND_SIZE: Final = Struct("<f2I")
-_POSE: Final = Struct("<7d")
 _RECTANGLE: Final = Struct("<2i2I")
-_NO_TIME_NS: Final = 0
 
 
 def encode_grid(grid: OccupancyGrid) -> bytes:
     """Return a nav_msgs/OccupancyGrid, whose map has no load time."""
-    origin = grid.origin
     writer = CdrWriter()
     writer.header(grid.frame_id, grid.stamp_ns)
-    writer.time(_NO_TIME_NS)
+    writer.time(0)
     writer.pack(_RESOLUTION_AND_SIZE, 4, grid.resolution_m, grid.width, grid.height)
-    writer.pack(_POSE, 8, *origin.translation_m.tolist(), *origin.rotation_xyzw.tolist())
+    writer.pose(grid.origin)
     writer.count(grid.cells.size)
     return b"".join((writer.message(), np.ascontiguousarray(grid.cells).data))
 

@@ -20,7 +20,6 @@ from are_ros.messages.cdr import CdrWriter, encapsulated, pack_time
 _COUNT: Final = Struct("<I")
 _STAMP: Final = Struct("<2i")
 _INTEGERS: Final = Struct("<3i")
-_POSE_AND_SCALE: Final = Struct("<10d")
 _COLOUR: Final = Struct("<4f")
 _UNTURNED: Final = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 _BEFORE: Final = bytes(4)
@@ -138,7 +137,7 @@ def _head(frame_id: str, look: MarkerLook, phase: int) -> bytes:
 def _tail(look: MarkerLook) -> bytes:
     """Return what stands from the pose on."""
     writer = CdrWriter()
-    writer.pack(_POSE_AND_SCALE, 8, *_UNTURNED, *look.scale)
+    writer.doubles(*_UNTURNED, *look.scale)
     writer.pack(_COLOUR, 4, *look.colour)
     writer.time(look.lifetime_ns)
     writer.byte(False)  # it is not locked to its frame

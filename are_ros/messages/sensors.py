@@ -132,15 +132,13 @@ def read_cloud(message: Any, source: str = "points") -> PointCloud:
     )
 
 
-_SIZE: Final = Struct("<2I")
-
-
 def encode_cloud(cloud: PointCloud) -> bytes:
     """Return a sensor_msgs/PointCloud2."""
     height, row_step = cloud.data.shape
     writer = CdrWriter()
     writer.header(cloud.frame_id, cloud.stamp_ns)
-    writer.pack(_SIZE, 4, height, cloud.width)
+    writer.count(height)
+    writer.count(cloud.width)
     writer.count(len(cloud.fields))
     for name, offset, datatype, numbers in cloud.fields:
         writer.text(name)
@@ -148,7 +146,8 @@ def encode_cloud(cloud: PointCloud) -> bytes:
         writer.byte(datatype)
         writer.count(numbers)
     writer.byte(cloud.is_bigendian)
-    writer.pack(_SIZE, 4, cloud.point_step, row_step)
+    writer.count(cloud.point_step)
+    writer.count(row_step)
     writer.count(cloud.data.size)
     # joined once: a large cloud's bytes are copied once
     data = np.ascontiguousarray(cloud.data).data

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from struct import Struct
-from struct import error as StructError  # noqa: N812
 from typing import Any, NamedTuple
 
 from are_ros.conventions import NS_PER_S
@@ -83,38 +82,6 @@ def decode_transforms_cdr(data: bytes) -> list[StampedTransform]:
     return transforms
 
 
-ROS1_DIGEST = "94810edda583a504dfda3829e70d7eec"
-"""The MD5 sum by which ROS 1 knows the definition of tf2_msgs/TFMessage, and of tf/tfMessage."""
-
-_ROS1_HEADER = Struct("<IIII")
-
-
-def decode_transforms_ros1(data: bytes) -> list[StampedTransform]:
-    """Return the transforms of a ROS 1 TFMessage.
-
-    struct.error or UnicodeDecodeError if the bytes are too few or too many, or no such message.
-    """
-    (count,) = _COUNT.unpack_from(data)
-    position = 4
-    transforms: list[StampedTransform] = []
-    for _ in range(count):
-        _, seconds, nanoseconds, length = _ROS1_HEADER.unpack_from(data, position)
-        position += 16
-        parent = data[position : position + length].decode()
-        position += length
-        (length,) = _COUNT.unpack_from(data, position)
-        position += 4
-        child = data[position : position + length].decode()
-        position += length
-        numbers = _POSE.unpack_from(data, position)
-        position += 56
-        stamp_ns = seconds * NS_PER_S + nanoseconds
-        transforms.append(StampedTransform(parent, child, stamp_ns, numbers[:3], numbers[3:]))
-    if position != len(data):
-        raise StructError(f"{len(data) - position} bytes follow the message")
-    return transforms
-
-
 def encode_transforms_cdr(transforms: Sequence[StampedTransform]) -> bytes:
     """Return a ROS 2 TFMessage in little-endian XCDR1; struct.error for a stamp out of range.
 
@@ -125,7 +92,7 @@ def encode_transforms_cdr(transforms: Sequence[StampedTransform]) -> bytes:
     for parent, child, stamp_ns, place, turn in transforms:
         writer.header(parent, stamp_ns)
         writer.text(child)
-        writer.pack(_POSE, 8, *place, *turn)
+        writer.doubles(*place, *turn)
     return writer.message()
 
 

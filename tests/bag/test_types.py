@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from are_ros.bag.types import RosbagsFactory, jazzy_typestore, message_texts
+from are_ros.bag.types import jazzy_typestore, message_texts
+from bags.simulation.making import RosbagsFactory
 
 
 def test_all_our_types_are_known() -> None:

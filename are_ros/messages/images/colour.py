@@ -45,9 +45,7 @@ def encode_mask(image: ColourImage) -> bytes | None:
 
 
 _ID: Final = Struct("<Q")
-_REGION: Final = Struct("<4I?")
 _PIXELS_AND_FRACTION: Final = Struct("<If")
-_POSE_AND_SIZE: Final = Struct("<10d")
 
 
 def encode_truth(image: ColourImage) -> bytes | None:
@@ -59,15 +57,14 @@ def encode_truth(image: ColourImage) -> bytes | None:
     writer.header(image.frame_id, image.stamp_ns)
     writer.count(len(artefacts))
     for one in artefacts:
-        row, (x, y, width, height) = one.artefact.row, one.roi_px
+        row = one.artefact.row
         writer.pack(_ID, 8, one.artefact.id)
         writer.text(row.label)
         writer.text(row.class_name)
-        writer.pack(_REGION, 4, x, y, height, width, False)
+        writer.region(one.roi_px)
         writer.pack(_PIXELS_AND_FRACTION, 4, one.visible_pixels, one.visible_fraction)
-        pose = one.camera_from_box
-        numbers = *pose.translation_m.tolist(), *pose.rotation_xyzw.tolist(), *row.size_m
-        writer.pack(_POSE_AND_SIZE, 8, *numbers)
+        writer.pose(one.camera_from_box)
+        writer.doubles(*row.size_m)
     return writer.message()
 
 

@@ -1,6 +1,5 @@
 """sensor_msgs/Image and CompressedImage, and the CameraInfo beside them."""
 
-from struct import Struct
 from typing import Any, Final
 
 import numpy as np
@@ -10,8 +9,6 @@ from are_ros.errors import InputError
 from are_ros.messages.cdr import CdrWriter
 from are_ros.messages.common import read_array, read_header, read_time
 from are_ros.world.cameras import CameraInfo
-
-_SIZE: Final = Struct("<2I")
 
 TRANSPORTS: Final = ("compressed", "compressedDepth", "theora", "zstd", "ffmpeg")
 """Transports of image_transport: a topic's last part is one of these if it is not raw."""
@@ -68,7 +65,8 @@ def encode_image(image: Image | CompressedImage) -> bytes:
         writer.numbers(image.data, "u1")
         return writer.message()
     height, step = image.data.shape
-    writer.pack(_SIZE, 4, height, image.width)
+    writer.count(height)
+    writer.count(image.width)
     writer.text(image.encoding)
     writer.byte(image.is_bigendian)
     writer.count(step)
@@ -89,10 +87,6 @@ def read_compressed_image(message: Any, source: str = "image") -> CompressedImag
 
 
 # The CameraInfo: the numbers that a view model is made of.
-
-
-_K_R_P: Final = Struct("<30d")
-_ROI: Final = Struct("<4I?")
 
 
 def read_camera_info(message: Any, source: str = "camera_info") -> CameraInfo:
@@ -118,16 +112,17 @@ def read_camera_info(message: Any, source: str = "camera_info") -> CameraInfo:
 
 
 def encode_camera_info(info: CameraInfo, frame_id: str, stamp_ns: int) -> bytes:
-    """Return a sensor_msgs/CameraInfo; struct.error unless k, r and p have their lengths."""
-    x, y, width, height = info.roi
+    """Return a sensor_msgs/CameraInfo; k and r have nine numbers, p twelve."""
     writer = CdrWriter()
     writer.header(frame_id, stamp_ns)
-    writer.pack(_SIZE, 4, info.height, info.width)
+    writer.count(info.height)
+    writer.count(info.width)
     writer.text(info.distortion_model)
     writer.numbers(np.array(info.d), "<f8")
-    writer.pack(_K_R_P, 8, *info.k, *info.r, *info.p)
-    writer.pack(_SIZE, 4, info.binning_x, info.binning_y)
-    writer.pack(_ROI, 4, x, y, height, width, info.do_rectify)
+    writer.doubles(*info.k, *info.r, *info.p)
+    writer.count(info.binning_x)
+    writer.count(info.binning_y)
+    writer.region(info.roi, do_rectify=info.do_rectify)
     return writer.message()
 
 

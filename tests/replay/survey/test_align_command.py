@@ -13,7 +13,6 @@ import pytest
 
 from are_ros.bag.reader import BagReader
 from are_ros.bag.roles import find_roles
-from are_ros.bag.types import RosbagsFactory
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.errors import BagError
 from are_ros.messages.transforms import StampedTransform
@@ -30,7 +29,7 @@ from are_ros.replay.timeline import ReplayOptions
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.scan_matching import PlanarPose, ScanCloud, ScanMatcher, wrapped
-from bags.simulation.making import make_grid, make_scan, make_transforms
+from bags.simulation.making import RosbagsFactory, make_grid, make_scan, make_transforms
 
 RunAre = Callable[..., CompletedProcess[str]]
 WriteBag = Callable[[Path, list[tuple[str, int, Any]]], Path]

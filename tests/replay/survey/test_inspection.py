@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from are_ros.bag.reader import BagReader
-from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import BagError
 from are_ros.messages.transforms import StampedTransform
 from are_ros.replay.survey.inspection import Inspection, inspect_bag, inspection_lines
@@ -17,6 +16,7 @@ from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 from bags.simulation.making import (
     OdometryReading,
+    RosbagsFactory,
     make_grid,
     make_header,
     make_odometry,
