@@ -2,9 +2,9 @@
 
 import heapq
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from operator import attrgetter, itemgetter
+from operator import attrgetter
 from pathlib import Path
 from struct import Struct
 from struct import error as StructError  # noqa: N812
@@ -17,9 +17,12 @@ from are_ros.bag.types import jazzy_typestore, ros2_type
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.transforms import (
+    ROS1_DIGEST,
     OdometryNumbers,
     StampedTransform,
     decode_transforms_cdr,
+    decode_transforms_ros1,
+    encode_transforms_cdr,
     is_plain_cdr,
     read_odometry_numbers,
     read_transforms,
@@ -115,21 +118,6 @@ def check_paths(paths: Sequence[Path]) -> bool:
     if len(kinds) > 1:
         raise BagError("recordings of ROS 1 and of ROS 2 cannot be read together")
     return kinds.pop()
-
-
-@contextmanager
-def open_reader(path: Path) -> Iterator[Any]:
-    """Open one recording with rosbags' reader of its kind; BagError if it cannot be read."""
-    from rosbags.rosbag1 import Reader as Ros1Reader
-    from rosbags.rosbag2 import Reader as Ros2Reader
-
-    with as_bag_errors(str(path)):
-        reader: Any = Ros1Reader(path) if path.suffix == ".bag" else Ros2Reader(path)
-        reader.open()
-    try:
-        yield reader
-    finally:
-        reader.close()
 
 
 def recording_in(path: Path) -> Path:
@@ -237,6 +225,7 @@ def _types_of(connection: Any) -> dict[str, Any]:
     return types
 
 
+_TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _REORDER_NS = NS_PER_S
 """Parts of a split recording overlap by less than this."""
 
@@ -284,10 +273,19 @@ class BagReader:
 
     def __enter__(self) -> "BagReader":  # noqa: PYI034 (Self came with Python 3.11)
         """Open the recordings; BagError if one cannot be read or none holds a message."""
+        from rosbags.rosbag1 import Reader as Ros1Reader
+        from rosbags.rosbag2 import Reader as Ros2Reader
+
         with ExitStack() as stack:
-            self._readers = [(path, stack.enter_context(open_reader(path))) for path in self._paths]
+            for path in self._paths:
+                with as_bag_errors(str(path)):
+                    reader: Any = Ros1Reader(path) if self.is_ros1 else Ros2Reader(path)
+                    reader.open()
+                stack.callback(reader.close)
+                self._readers.append((path, reader))
             if not any(reader.message_count for _, reader in self._readers):
-                raise BagError(f"{_names(self._paths)}: the recording holds no message")
+                names = ", ".join(path.name for path in self._paths)
+                raise BagError(f"{names}: the recording holds no message")
             self._stack = stack.pop_all()
         return self
 
@@ -304,12 +302,6 @@ class BagReader:
     def end_ns(self) -> int:
         """Just after the log time of the last message: messages lie in [start_ns, end_ns)."""
         return max(int(reader.end_time) for _, reader in self._readers)
-
-    @property
-    def files(self) -> tuple[tuple[str, int, int], ...]:
-        """The recordings by name, each with its [start, end) of log time, in order of time."""
-        files = [(p.name, int(r.start_time), int(r.end_time)) for p, r in self._readers]
-        return tuple(sorted(files, key=itemgetter(1)))
 
     @property
     def topics(self) -> tuple[BagTopic, ...]:
@@ -368,6 +360,14 @@ class BagReader:
         except Exception as cause:
             raise _malformed(message, cause) from cause
 
+    def first(self, topic: str) -> Any:
+        """Return the first message of a topic as an object, None if there is none to understand."""
+        message = next(self.messages((topic,)), None)
+        try:
+            return None if message is None else self.deserialize(message)
+        except AreError:
+            return None
+
     def transforms(self, message: BagMessage) -> list[StampedTransform]:
         """Return the transforms of a TFMessage; as `deserialize` and `read_transforms`, quicker."""
         try:
@@ -375,6 +375,9 @@ class BagReader:
                 return decode_transforms_cdr(message.data)
         except (StructError, UnicodeDecodeError) as cause:
             raise _malformed(message, cause) from cause
+        if self.is_ros1 and message.connection.digest == ROS1_DIGEST:
+            with suppress(StructError, UnicodeDecodeError):  # let the general way complain
+                return decode_transforms_ros1(message.data)
         return read_transforms(self.deserialize(message))
 
     def odometry(self, message: BagMessage) -> OdometryNumbers:
@@ -385,12 +388,16 @@ class BagReader:
         """Return a message of ROS 1 as the bytes of the type that it has become in ROS 2.
 
         Fields that ROS 2 lacks (Header.seq) are dropped, new ones are zero or empty. Errors as
-        `deserialize`.
+        `deserialize`. Transforms are converted quicker than by the general way.
         """
         from rosbags.convert.converter import migrate_message
 
+        kind = message.connection.msgtype
+        type_name = ros2_type(kind)
+        if type_name == _TRANSFORMS:
+            with suppress(StructError):  # of a stamp that ROS 2 has not
+                return encode_transforms_cdr(self.transforms(message))
         ros1, ros2 = self._store_of(message.connection), jazzy_typestore()
-        kind, type_name = message.connection.msgtype, ros2_type(message.connection.msgtype)
         original = self.deserialize(message)
         try:
             migrated = migrate_message(ros1, ros2, kind, type_name, self._migrations, original)
@@ -467,7 +474,3 @@ def _malformed(message: BagMessage, cause: Exception) -> InputError:
     kind = message.connection.msgtype
     text = f"{message.topic}: the message at {message.log_time_ns} ns is no {kind}"
     return InputError(f"{text}, {sentence_of(cause)}")
-
-
-def _names(paths: Sequence[Path]) -> str:
-    return ", ".join(path.name for path in paths)

@@ -9,26 +9,22 @@ import numpy.typing as npt
 from are_ros.builder.costmap.augmented_map import GridUpdate
 from are_ros.errors import InputError, MapError
 from are_ros.messages.cdr import CdrWriter
-from are_ros.messages.common import read_array, read_time
+from are_ros.messages.common import read_array, read_quaternion, read_time, read_vector
 from are_ros.messages.sensors import read_cloud
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.voxel_files.octomap import OctreeHeader, read_octree
 
 
 def read_grid(message: Any, source: str = "map") -> OccupancyGrid:
-    """Return the grid of a nav_msgs/OccupancyGrid; its cells are copied.
-
-    InputError, whose sentence begins with `source`, for everything Nav2 refuses too.
-    """
+    """Return the grid of a message, its cells copied; InputError for what Nav2 refuses, too."""
     info, origin = message.info, message.info.origin
-    at, rotation = origin.position, origin.orientation
     return OccupancyGrid.checked(
         read_array(message.data, np.int8),
         width=int(info.width),
         height=int(info.height),
         resolution_m=float(info.resolution),
-        origin_xyz_m=(at.x, at.y, at.z),
-        origin_rotation_xyzw=(rotation.x, rotation.y, rotation.z, rotation.w),
+        origin_xyz_m=read_vector(origin.position),
+        origin_rotation_xyzw=read_quaternion(origin.orientation),
         frame_id=str(message.header.frame_id).lstrip("/"),
         stamp_ns=read_time(message.header.stamp),
         source=source,

@@ -6,6 +6,7 @@ from typing import Final
 from are_ros.agents.robots import TOO_OLD
 from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.recording import PREFIX
+from are_ros.bag.roles import OCTOMAP
 from are_ros.bag.types import OCTOMAP_TYPE, ros2_type
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
@@ -69,7 +70,7 @@ class TickWriter(Listener):
 # The inputs of a replay, with `--with-inputs`.
 
 
-_LATCHED_ROLES = ("map", "octomap_point_cloud_centers", "tf_static")
+_LATCHED_ROLES = ("map", OCTOMAP, "tf_static")
 
 
 class InputCopy(Listener):
@@ -126,7 +127,7 @@ class InputCopy(Listener):
         self, centres_m: Points, frame_id: str, now_ns: int, stamp_ns: int | None = None
     ) -> None:
         """Append voxels (N, 3) [m]; their stamp is the present time unless given."""
-        topic, kind = "/octomap_point_cloud_centers", "sensor_msgs/msg/PointCloud2"
+        topic, kind = f"/{OCTOMAP}", "sensor_msgs/msg/PointCloud2"
         data = encode_cloud(
             PointCloud.of_points(frame_id, now_ns if stamp_ns is None else stamp_ns, centres_m)
         )

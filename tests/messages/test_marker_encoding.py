@@ -169,11 +169,11 @@ def test_a_look_is_encoded_once(monkeypatch: pytest.MonkeyPatch) -> None:
     for looks in ((one,), (one,), (two, one), (one, two), (two,)):
         encoder.encode("map", 0, posed(*looks))
     assert encoded == ["one", "two"]
-    assert len(encoder._blocks) == 2
+    assert len(encoder._tails) == 2
     encoder.encode("map", 0, NO_MARKERS)
     del one, two, looks
     gc.collect()
-    assert len(encoder._blocks) == 0
+    assert len(encoder._tails) == 0
 
 
 def test_a_message_given_out_does_not_change() -> None:

@@ -9,7 +9,6 @@ from are_ros.builder.sensors.colour_image import ColourImage, CompressedColour, 
 from are_ros.builder.sensors.image import Image
 from are_ros.errors import InputError
 from are_ros.messages.cdr import CdrWriter
-from are_ros.messages.images.detections import encode_boxes_in_image
 from are_ros.messages.images.image import (
     encode_image,
     read_compressed_image,
@@ -18,10 +17,7 @@ from are_ros.messages.images.image import (
 
 
 def read_colour(message: Any, source: str = "image") -> ColourImage:
-    """Return the image of a sensor_msgs/Image or CompressedImage, still without a lens.
-
-    InputError, whose sentence begins with `source`, if it is not painted on or malformed.
-    """
+    """Return the image of an Image or a CompressedImage, still without a lens; InputError."""
     if hasattr(message, "format"):
         return ColourImage(CompressedColour(read_compressed_image(message, source)))
     try:
@@ -66,10 +62,3 @@ def encode_truth(image: ColourImage) -> bytes | None:
         writer.pose(one.camera_from_box)
         writer.doubles(*row.size_m)
     return writer.message()
-
-
-def encode_boxes(image: ColourImage) -> bytes | None:
-    """Return a vision_msgs/Detection2DArray of what is painted, None where nothing is known."""
-    if image.truth is None:
-        return None
-    return encode_boxes_in_image(image.frame_id, image.stamp_ns, image.truth.in_image)

@@ -9,7 +9,7 @@ from typing import Final
 
 from are_ros.agents.events import PerceivedArtefact
 from are_ros.builder.scene import Scene
-from are_ros.builder.sensors.colour_image import ArtefactInImage
+from are_ros.builder.sensors.colour_image import ColourImage
 from are_ros.messages.cdr import CdrWriter
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
@@ -17,16 +17,17 @@ from are_ros.world.rigid_transform import RigidTransform
 _CERTAIN: Final = (0.0,) * 36
 
 
-def encode_boxes_in_image(
-    frame_id: str, stamp_ns: int, artefacts: Sequence[ArtefactInImage]
-) -> bytes:
-    """Return a vision_msgs/Detection2DArray of the artefacts with a pixel of their own.
+def encode_boxes(image: ColourImage) -> bytes | None:
+    """Return a vision_msgs/Detection2DArray of the artefacts with a pixel of their own in an image.
 
-    Pixel (0, 0) is the square from 0 to 1, so that a box from the first pixel of an image to its
-    last is as large as the image. Poses are those of the middles of the artefacts' boxes, in the
-    optical frame.
+    None where nothing is known of what is painted. Pixel (0, 0) is the square from 0 to 1, so that
+    a box from the first pixel of an image to its last is as large as the image. Poses are those of
+    the middles of the artefacts' boxes, in the optical frame.
     """
-    seen = [one for one in artefacts if one.visible_pixels]
+    if image.truth is None:
+        return None
+    frame_id, stamp_ns = image.frame_id, image.stamp_ns
+    seen = [one for one in image.truth.in_image if one.visible_pixels]
     writer = CdrWriter()
     writer.header(frame_id, stamp_ns)
     writer.count(len(seen))

@@ -26,10 +26,7 @@ def raw_topic(topic: str) -> str:
 
 
 def camera_info_topic(topic: str) -> str:
-    """Return the topic of an image's CameraInfo, by the convention of image_transport.
-
-    It is `camera_info` in the namespace of the image; its transport is no part of that.
-    """
+    """Return the topic of an image's CameraInfo: `camera_info` in its namespace."""
     namespace, slash, _ = raw_topic(topic).rpartition("/")
     return f"{namespace}{slash}camera_info"
 
@@ -40,10 +37,7 @@ def is_rectified(topic: str) -> bool:
 
 
 def read_image(message: Any, source: str = "image") -> Image:
-    """Return the image of a sensor_msgs/Image; its data are viewed, not copied.
-
-    InputError, whose sentence begins with `source`, as `Image.checked`.
-    """
+    """Return the image of a sensor_msgs/Image, its data viewed; InputError as `Image.checked`."""
     return Image.checked(
         read_array(message.data, np.uint8),
         frame_id=str(message.header.frame_id).lstrip("/"),
@@ -75,10 +69,7 @@ def encode_image(image: Image | CompressedImage) -> bytes:
 
 
 def read_compressed_image(message: Any, source: str = "image") -> CompressedImage:
-    """Return the image of a sensor_msgs/CompressedImage, not decompressed, its data viewed.
-
-    InputError, whose sentence begins with `source`, if it has no frame or no data.
-    """
+    """Return the image of a CompressedImage, its data viewed; InputError without frame or data."""
     frame_id, stamp_ns = read_header(message, source)
     data = read_array(message.data, np.uint8)
     if not data.size:
