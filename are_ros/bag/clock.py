@@ -70,15 +70,13 @@ class Times:
     """One source of stamps: times of recording and stamps, int64 (N,) [ns], in order of the log.
 
     `name` is how a sentence calls the source. `is_edge`: it is an edge of the transforms, which
-    may be dated ahead on purpose, so that it can be used until the next one comes. `is_clock`:
-    it is /clock.
+    may be dated ahead on purpose, so that it can be used until the next one comes.
     """
 
     name: str
     log_ns: Ints
     stamps_ns: Ints
     is_edge: bool = False
-    is_clock: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,7 +242,7 @@ def _clock(reader: BagReader, start_ns: int, stop_ns: int) -> list[Times]:
     if not first or abs(float(np.median(first))) < _CLOCK_AGREES_NS:
         return []
     log_ns, stamps_ns = np.array(list(instants()), dtype=np.int64).T
-    return [Times(_CLOCK, log_ns, stamps_ns, is_clock=True)]
+    return [Times(_CLOCK, log_ns, stamps_ns)]
 
 
 def _odometry_edge(reader: BagReader, topic: str, known: Iterable[Edge]) -> Edge | None:
@@ -348,7 +346,7 @@ def _reference(sources: Sequence[Times]) -> Times | None:
     """Return the source whose clock most others share, the first of several; /clock if there."""
     if not sources:
         return None
-    if sources[0].is_clock:
+    if sources[0].name == _CLOCK:
         return sources[0]
     offsets = np.array([np.median(one.stamps_ns - one.log_ns) for one in sources])
     company = np.abs(offsets[:, np.newaxis] - offsets) <= _TOPIC_APART_NS
