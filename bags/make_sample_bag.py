@@ -3,11 +3,11 @@
 import argparse
 from pathlib import Path
 
-from are_ros.bag.types import RosbagsFactory
 from are_ros.bag.writer import BagWriter
 from are_ros.conventions import NS_PER_S
 from bags.simulation.camera import OfficeCamera
 from bags.simulation.frames import CAMERA_FRAME, CAMERA_INFO
+from bags.simulation.making import RosbagsFactory
 from bags.simulation.office import OFFICE_START, OFFICE_TOUR_S, office_building, office_driver
 from bags.simulation.robot import DriveLimits
 from bags.simulation.simulator import Simulator

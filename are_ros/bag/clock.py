@@ -19,7 +19,7 @@ import numpy.typing as npt
 from are_ros.bag.reader import STAMP_AT, BagMessage, BagReader, stamp_in
 from are_ros.builder.population_manager import IDLE_NS
 from are_ros.conventions import NS_PER_S
-from are_ros.errors import AreError, BagError, InputError
+from are_ros.errors import BagError, InputError
 from are_ros.messages.sensors import SENSORS
 from are_ros.wording import duration_text, listed
 
@@ -70,15 +70,13 @@ class Times:
     """One source of stamps: times of recording and stamps, int64 (N,) [ns], in order of the log.
 
     `name` is how a sentence calls the source. `is_edge`: it is an edge of the transforms, which
-    may be dated ahead on purpose, so that it can be used until the next one comes. `is_clock`:
-    it is /clock.
+    may be dated ahead on purpose, so that it can be used until the next one comes.
     """
 
     name: str
     log_ns: Ints
     stamps_ns: Ints
     is_edge: bool = False
-    is_clock: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +149,7 @@ class RecordedTimes:
             static_edges=frozenset(_static_edges(reader, role_of_topic, stop_ns)),
             scans=scans,
             scan_frames={topic: _frame_of(reader, topic) for topic in scans},
-            moving_log_ns=np.sort(np.concatenate([_ints(log) for log in logs.values()] or [_NONE])),
+            moving_log_ns=np.sort(np.concatenate([_NONE, *logs.values()])),
             next_moving_ns=first_time(reader, moving, stop_ns),
             still_since_ns=_still_since(reader, moving, start_ns),
             odometry_child=odometry_child,
@@ -214,11 +212,7 @@ class _Transforms:
 
 
 def _times(name: str, log: "array[int]", stamps: "array[int]", *, is_edge: bool = False) -> Times:
-    return Times(name, _ints(log), _ints(stamps), is_edge)
-
-
-def _ints(values: "array[int]") -> Ints:
-    return np.array(values, dtype=np.int64)
+    return Times(name, np.array(log), np.array(stamps), is_edge)
 
 
 def _telling(found: Sequence[Times]) -> list[Times]:
@@ -248,21 +242,17 @@ def _clock(reader: BagReader, start_ns: int, stop_ns: int) -> list[Times]:
     if not first or abs(float(np.median(first))) < _CLOCK_AGREES_NS:
         return []
     log_ns, stamps_ns = np.array(list(instants()), dtype=np.int64).T
-    return [Times(_CLOCK, log_ns, stamps_ns, is_clock=True)]
+    return [Times(_CLOCK, log_ns, stamps_ns)]
 
 
 def _odometry_edge(reader: BagReader, topic: str, known: Iterable[Edge]) -> Edge | None:
     """Return (frame, child frame) of the odometry; an empty child means the base."""
-    first = next(reader.messages((topic,)), None)
-    try:
-        numbers = None if first is None else reader.odometry(first)
-    except AreError:
-        return None
-    if numbers is None or not numbers.frame_id:
+    first = reader.first(topic)
+    if first is None or not first.header.frame_id:
         return None
     frames = {frame for edge in known for frame in edge}
     base = base_frame_of(frames) or BASE_FRAMES[0]
-    return numbers.frame_id.lstrip("/"), numbers.child_frame_id.lstrip("/") or base
+    return first.header.frame_id.lstrip("/"), first.child_frame_id.lstrip("/") or base
 
 
 def _static_edges(
@@ -278,11 +268,8 @@ def _static_edges(
 
 
 def _frame_of(reader: BagReader, topic: str) -> str:
-    first = next(reader.messages((topic,)), None)
-    try:
-        return "" if first is None else str(reader.deserialize(first).header.frame_id).lstrip("/")
-    except AreError:
-        return ""
+    first = reader.first(topic)
+    return "" if first is None else str(first.header.frame_id).lstrip("/")
 
 
 _AHEAD_NS = NS_PER_S // 5
@@ -323,7 +310,7 @@ class BagClock:
         """
         source = _reference(times.sources)
         if source is None:
-            return cls(np.empty(0, np.int64), np.empty(0, np.int64))
+            return cls(_NONE, _NONE)
         log_ns, clock_ns, sentence = _instants(source, times.bag_start_ns)
         clock = cls(log_ns, clock_ns, sentence)
         disagreement, apart = _disagreement(clock, source, times.sources)
@@ -359,7 +346,7 @@ def _reference(sources: Sequence[Times]) -> Times | None:
     """Return the source whose clock most others share, the first of several; /clock if there."""
     if not sources:
         return None
-    if sources[0].is_clock:
+    if sources[0].name == _CLOCK:
         return sources[0]
     offsets = np.array([np.median(one.stamps_ns - one.log_ns) for one in sources])
     company = np.abs(offsets[:, np.newaxis] - offsets) <= _TOPIC_APART_NS
@@ -371,7 +358,7 @@ def _instants(source: Times, bag_start_ns: int) -> tuple[Ints, Ints, str]:
     offsets_ns = source.stamps_ns - source.log_ns
     low_ns, middle_ns, high_ns = np.percentile(offsets_ns, (10, 50, 90)).tolist()
     if low_ns >= -_BEHIND_NS and high_ns <= _AHEAD_NS:
-        return np.empty(0, np.int64), np.empty(0, np.int64), ""
+        return _NONE, _NONE, ""
     order = "ahead of" if middle_ns > 0 else "behind"
     sentence = (
         f"the stamps lie {duration_text(abs(round(middle_ns)))} {order} the times of recording "

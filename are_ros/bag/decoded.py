@@ -5,7 +5,7 @@ the messages. Every value has `at_ns`, the time at which it counts; see `recordi
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
@@ -13,7 +13,14 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from are_ros.conventions import NS_PER_S
+from are_ros.agents.events import SceneMetrics
+from are_ros.messages.common import read_quaternion, read_time, read_vector
+from are_ros.messages.transforms import (
+    OdometryNumbers,
+    StampedTransform,
+    read_odometry_numbers,
+    read_transforms,
+)
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -142,22 +149,12 @@ class Event:
 
 
 @dataclass(frozen=True)
-class Metrics:
-    """An are_msgs/SceneMetrics: counts at a tick, or since the start; areas in m^2."""
+class Metrics(SceneMetrics):
+    """An are_msgs/SceneMetrics, with the header of the message."""
 
     stamp_ns: int
     at_ns: int
     frame_id: str
-    alive: int
-    perceived: int
-    arrivals: int
-    departures: int
-    blocked: int
-    displaced: int
-    robot_contacts: int
-    area_m2: float
-    clutter_ratio: float
-    rho: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,29 +198,20 @@ class GridUpdate:
     data: NDArray[np.int8]
 
 
-class TransformSample(NamedTuple):
-    """parent_from_child: x, y, z [m], and the quaternion x, y, z, w."""
-
-    parent: str
-    child: str
-    stamp_ns: int
-    numbers: tuple[float, ...]
-
-
 @dataclass(frozen=True)
 class Transforms:
     """A tf2_msgs/TFMessage."""
 
     at_ns: int
-    samples: tuple[TransformSample, ...]
+    samples: tuple[StampedTransform, ...]
 
 
 @dataclass(frozen=True)
 class Odometry:
-    """The pose of a nav_msgs/Odometry; `child` is empty where the message names none."""
+    """The pose of a nav_msgs/Odometry; the child frame is empty where the message names none."""
 
     at_ns: int
-    sample: TransformSample
+    numbers: OdometryNumbers
 
 
 @dataclass(frozen=True)
@@ -239,11 +227,6 @@ class ImageFormat:
     message: Any
 
 
-def time_ns(stamp: Any) -> int:
-    """Return a builtin_interfaces Time or Duration in nanoseconds."""
-    return int(stamp.sec) * NS_PER_S + int(stamp.nanosec)
-
-
 def value_of(type_name: str, message: Any, at_ns: int) -> Any:
     """Return the value of a message; one of a type that has none is returned as it is.
 
@@ -256,7 +239,7 @@ def value_of(type_name: str, message: Any, at_ns: int) -> Any:
 def _scene(message: Any, at_ns: int) -> Scene:
     artefacts = message.artefacts
     poses = _rows((_pose(a.pose) for a in artefacts), 7)
-    offsets = _rows((_xyz(a.box_centre) for a in artefacts), 3)
+    offsets = _rows((read_vector(a.box_centre) for a in artefacts), 3)
     yaws = 2.0 * np.arctan2(poses[:, 5], poses[:, 6])
     cos, sin = np.cos(yaws), np.sin(yaws)
     turned = np.column_stack(
@@ -267,15 +250,15 @@ def _scene(message: Any, at_ns: int) -> Scene:
         )
     )
     return Scene(
-        stamp_ns=time_ns(message.header.stamp),
+        stamp_ns=read_time(message.header.stamp),
         at_ns=at_ns,
         frame_id=message.header.frame_id,
         ids=np.array([a.id for a in artefacts], np.int64),
         centres_m=poses[:, :3] + turned,
         yaws_rad=yaws,
-        half_sizes_m=0.5 * _rows((_xyz(a.size) for a in artefacts), 3),
-        arrivals_ns=np.array([time_ns(a.arrival) for a in artefacts], np.int64),
-        departures_ns=np.array([time_ns(a.departure) for a in artefacts], np.int64),
+        half_sizes_m=0.5 * _rows((read_vector(a.size) for a in artefacts), 3),
+        arrivals_ns=np.array([read_time(a.arrival) for a in artefacts], np.int64),
+        departures_ns=np.array([read_time(a.departure) for a in artefacts], np.int64),
         labels=tuple(a.label for a in artefacts),
         classes=tuple(a.class_name for a in artefacts),
         behaviours=tuple(a.behaviour for a in artefacts),
@@ -285,7 +268,7 @@ def _scene(message: Any, at_ns: int) -> Scene:
         poses=poses,
         ground_poses=_rows((_pose(a.ground_pose) for a in artefacts), 7),
         box_centres_m=offsets,
-        twists=_rows(((*_xyz(a.twist.linear), *_xyz(a.twist.angular)) for a in artefacts), 6),
+        twists=_rows((_twist(a.twist) for a in artefacts), 6),
     )
 
 
@@ -296,7 +279,7 @@ def _activity(artefact: Any) -> str:
 
 def _perceived(message: Any, at_ns: int) -> Perceived:
     header, sightings = message.header, tuple(_sighting(one) for one in message.artefacts)
-    return Perceived(time_ns(header.stamp), at_ns, header.frame_id, sightings)
+    return Perceived(read_time(header.stamp), at_ns, header.frame_id, sightings)
 
 
 def _sighting(one: Any) -> Sighting:
@@ -311,11 +294,11 @@ def _sighting(one: Any) -> Sighting:
         tuple(one.classes),
         tuple(float(p) for p in one.probabilities),
         (int(roi.x_offset), int(roi.y_offset), int(roi.width), int(roi.height)),
-        time_ns(one.last_seen),
+        read_time(one.last_seen),
         _pose(one.pose.pose),
         tuple(one.pose.covariance.tolist()),
-        _xyz(one.size),
-        (*_xyz(one.twist.twist.linear), *_xyz(one.twist.twist.angular)),
+        read_vector(one.size),
+        _twist(one.twist.twist),
         tuple(one.twist.covariance.tolist()),
         # Recordings of before have none of these.
         tuple(getattr(one, "cameras", ())),
@@ -329,32 +312,28 @@ def _predicted(message: Any, at_ns: int) -> Predicted:
         int(path.id): _rows(((*_pose(p.pose), *p.covariance.tolist()) for p in path.poses), 43)
         for path in message.paths
     }
-    stamp_ns, step_ns = time_ns(message.header.stamp), time_ns(message.step)
+    stamp_ns, step_ns = read_time(message.header.stamp), read_time(message.step)
     return Predicted(stamp_ns, at_ns, message.header.frame_id, step_ns, MappingProxyType(paths))
 
 
 def _event(message: Any, at_ns: int) -> Event:
-    stamp_ns, number = time_ns(message.header.stamp), int(message.id)
+    stamp_ns, number = read_time(message.header.stamp), int(message.id)
     texts = str(message.label), str(message.detail)
     return Event(stamp_ns, at_ns, int(message.kind), number, *texts, float(message.value))
 
 
 def _metrics(message: Any, at_ns: int) -> Metrics:
+    numbers = {field.name: getattr(message, field.name) for field in fields(SceneMetrics)}
     header = message.header
-    counts = ("alive", "perceived", "arrivals", "departures", "blocked", "displaced")
     return Metrics(
-        time_ns(header.stamp),
-        at_ns,
-        header.frame_id,
-        *(int(getattr(message, name)) for name in (*counts, "robot_contacts")),
-        *(float(getattr(message, name)) for name in ("area_m2", "clutter_ratio", "rho")),
+        **numbers, stamp_ns=read_time(header.stamp), at_ns=at_ns, frame_id=header.frame_id
     )
 
 
 def _grid(message: Any, at_ns: int) -> Grid:
     header, info = message.header, message.info
     return Grid(
-        time_ns(header.stamp),
+        read_time(header.stamp),
         at_ns,
         header.frame_id.lstrip("/"),
         int(info.width),
@@ -368,26 +347,15 @@ def _grid(message: Any, at_ns: int) -> Grid:
 def _grid_update(message: Any, at_ns: int) -> GridUpdate:
     window = (int(message.x), int(message.y), int(message.width), int(message.height))
     data = np.asarray(message.data, np.int8)
-    return GridUpdate(time_ns(message.header.stamp), at_ns, *window, data)
+    return GridUpdate(read_time(message.header.stamp), at_ns, *window, data)
 
 
 def _transforms(message: Any, at_ns: int) -> Transforms:
-    samples = (
-        TransformSample(
-            each.header.frame_id,
-            each.child_frame_id,
-            time_ns(each.header.stamp),
-            (*_xyz(each.transform.translation), *_xyzw(each.transform.rotation)),
-        )
-        for each in message.transforms
-    )
-    return Transforms(at_ns, tuple(samples))
+    return Transforms(at_ns, tuple(read_transforms(message)))
 
 
 def _odometry(message: Any, at_ns: int) -> Odometry:
-    frames = message.header.frame_id, message.child_frame_id
-    numbers = _pose(message.pose.pose)
-    return Odometry(at_ns, TransformSample(*frames, time_ns(message.header.stamp), numbers))
+    return Odometry(at_ns, read_odometry_numbers(message))
 
 
 def _image_format(message: Any, at_ns: int) -> ImageFormat:
@@ -419,12 +387,8 @@ def _rows(numbers: Iterable[tuple[float, ...]], width: int) -> Floats:
 
 
 def _pose(pose: Any) -> tuple[float, ...]:
-    return (*_xyz(pose.position), *_xyzw(pose.orientation))
+    return (*read_vector(pose.position), *read_quaternion(pose.orientation))
 
 
-def _xyz(vector: Any) -> tuple[float, float, float]:
-    return (vector.x, vector.y, vector.z)
-
-
-def _xyzw(turn: Any) -> tuple[float, float, float, float]:
-    return (turn.x, turn.y, turn.z, turn.w)
+def _twist(twist: Any) -> tuple[float, ...]:
+    return (*read_vector(twist.linear), *read_vector(twist.angular))

@@ -4,7 +4,7 @@ import heapq
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from operator import attrgetter, itemgetter
+from operator import attrgetter
 from pathlib import Path
 from struct import Struct
 from struct import error as StructError  # noqa: N812
@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple
 from rosbags.interfaces import MessageDefinitionFormat
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-from are_ros.bag.types import jazzy_typestore
+from are_ros.bag.types import jazzy_typestore, ros2_type
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.transforms import (
@@ -22,6 +22,7 @@ from are_ros.messages.transforms import (
     StampedTransform,
     decode_transforms_cdr,
     decode_transforms_ros1,
+    encode_transforms_cdr,
     is_plain_cdr,
     read_odometry_numbers,
     read_transforms,
@@ -119,21 +120,6 @@ def check_paths(paths: Sequence[Path]) -> bool:
     return kinds.pop()
 
 
-@contextmanager
-def open_reader(path: Path) -> Iterator[Any]:
-    """Open one recording with rosbags' reader of its kind; BagError if it cannot be read."""
-    from rosbags.rosbag1 import Reader as Ros1Reader
-    from rosbags.rosbag2 import Reader as Ros2Reader
-
-    with as_bag_errors(str(path)):
-        reader: Any = Ros1Reader(path) if path.suffix == ".bag" else Ros2Reader(path)
-        reader.open()
-    try:
-        yield reader
-    finally:
-        reader.close()
-
-
 def recording_in(path: Path) -> Path:
     """Return the recording in a folder: augmented.mcap, or the only recording there.
 
@@ -195,45 +181,18 @@ def _recordings_in(folder: Path) -> list[Path]:
 _IDL_SEPARATOR = "=" * 80 + "\n"
 
 
-class BagTypes:
-    """Typestores by connection: a malformed type does not affect the others."""
+def _typestore_of(connection: Any, *, is_ros1: bool) -> Any:
+    """Return a typestore that knows the connection's type.
 
-    def __init__(self, *, is_ros1: bool) -> None:
-        self._is_ros1 = is_ros1
-        self._stores: dict[tuple[str, str], Any] = {}
-
-    def store_of(self, connection: Any) -> Any:
-        """Return the typestore that knows the connection's type.
-
-        Types without a definition are taken from ROS 2 Jazzy or ROS 1 Noetic. BagError if the type
-        is not known there, cannot be understood, or the messages are not CDR.
-        """
-        key = (connection.msgtype, connection.msgdef.data)
-        if key not in self._stores:
-            self._stores[key] = self._make_store(connection)
-        return self._stores[key]
-
-    def _make_store(self, connection: Any) -> Any:
-        encoding = getattr(connection.ext, "serialization_format", "cdr")
-        if encoding != "cdr":
-            message = f"{connection.topic}: its messages are encoded as {encoding}, not as CDR"
-            raise BagError(message)
-        if connection.msgdef.format == MessageDefinitionFormat.NONE or not connection.msgdef.data:
-            return self._default_store(connection)
-        store = get_typestore(Stores.EMPTY)
-        try:
-            store.register(_types_of(connection))
-            store.get_msgdef(connection.msgtype)
-        except Exception as cause:
-            message = (
-                f"{connection.topic}: the recording's definition of {connection.msgtype}"
-                f" cannot be understood: {sentence_of(cause)}"
-            )
-            raise BagError(message) from cause
-        return store
-
-    def _default_store(self, connection: Any) -> Any:
-        store = get_typestore(Stores.ROS1_NOETIC) if self._is_ros1 else jazzy_typestore()
+    A type without a definition is taken from ROS 2 Jazzy or ROS 1 Noetic. BagError if it is not
+    known there, its definition cannot be understood, or the messages are not CDR.
+    """
+    encoding = getattr(connection.ext, "serialization_format", "cdr")
+    if encoding != "cdr":
+        message = f"{connection.topic}: its messages are encoded as {encoding}, not as CDR"
+        raise BagError(message)
+    if connection.msgdef.format == MessageDefinitionFormat.NONE or not connection.msgdef.data:
+        store = get_typestore(Stores.ROS1_NOETIC) if is_ros1 else jazzy_typestore()
         if connection.msgtype not in store.fielddefs:
             message = (
                 f"{connection.topic}: the recording does not define its type,"
@@ -241,6 +200,17 @@ class BagTypes:
             )
             raise BagError(message)
         return store
+    store = get_typestore(Stores.EMPTY)
+    try:
+        store.register(_types_of(connection))
+        store.get_msgdef(connection.msgtype)
+    except Exception as cause:
+        message = (
+            f"{connection.topic}: the recording's definition of {connection.msgtype}"
+            f" cannot be understood: {sentence_of(cause)}"
+        )
+        raise BagError(message) from cause
+    return store
 
 
 def _types_of(connection: Any) -> dict[str, Any]:
@@ -255,6 +225,7 @@ def _types_of(connection: Any) -> dict[str, Any]:
     return types
 
 
+_TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _REORDER_NS = NS_PER_S
 """Parts of a split recording overlap by less than this."""
 
@@ -296,15 +267,25 @@ class BagReader:
         self._stack = ExitStack()
         self._readers: list[tuple[Path, Any]] = []
         self.is_ros1 = check_paths(self._paths)
-        self._types = BagTypes(is_ros1=self.is_ros1)
+        self._stores: dict[tuple[str, str], Any] = {}
+        self._migrations: dict[str, Any] = {}
         self._expected: dict[str, tuple[str, ...]] = {}
 
     def __enter__(self) -> "BagReader":  # noqa: PYI034 (Self came with Python 3.11)
         """Open the recordings; BagError if one cannot be read or none holds a message."""
+        from rosbags.rosbag1 import Reader as Ros1Reader
+        from rosbags.rosbag2 import Reader as Ros2Reader
+
         with ExitStack() as stack:
-            self._readers = [(path, stack.enter_context(open_reader(path))) for path in self._paths]
+            for path in self._paths:
+                with as_bag_errors(str(path)):
+                    reader: Any = Ros1Reader(path) if self.is_ros1 else Ros2Reader(path)
+                    reader.open()
+                stack.callback(reader.close)
+                self._readers.append((path, reader))
             if not any(reader.message_count for _, reader in self._readers):
-                raise BagError(f"{_names(self._paths)}: the recording holds no message")
+                names = ", ".join(path.name for path in self._paths)
+                raise BagError(f"{names}: the recording holds no message")
             self._stack = stack.pop_all()
         return self
 
@@ -321,12 +302,6 @@ class BagReader:
     def end_ns(self) -> int:
         """Just after the log time of the last message: messages lie in [start_ns, end_ns)."""
         return max(int(reader.end_time) for _, reader in self._readers)
-
-    @property
-    def files(self) -> tuple[tuple[str, int, int], ...]:
-        """The recordings by name, each with its [start, end) of log time, in order of time."""
-        files = [(p.name, int(r.start_time), int(r.end_time)) for p, r in self._readers]
-        return tuple(sorted(files, key=itemgetter(1)))
 
     @property
     def topics(self) -> tuple[BagTopic, ...]:
@@ -360,16 +335,6 @@ class BagReader:
         else:
             yield from heapq.merge(*streams, key=attrgetter("log_time_ns"))
 
-    def learn_types(self, topics: Collection[str]) -> None:
-        """Parse the types of some topics now instead of at their first message.
-
-        A malformed type is reported at its first message.
-        """
-        for connection in self.connections():
-            if connection.topic in topics:
-                with suppress(BagError):
-                    self._types.store_of(connection)
-
     def expect(self, types: Mapping[str, tuple[str, ...]]) -> None:
         """Refuse messages of topics, from now on, whose type is none of theirs."""
         self._expected = dict(types)
@@ -387,13 +352,21 @@ class BagReader:
                 f"{connection.topic}: a message is of type {connection.msgtype}, not"
                 f" {' or '.join(expected)}"
             )
-        store = self._types.store_of(connection)
+        store = self._store_of(connection)
         try:
             if self.is_ros1:
                 return store.deserialize_ros1(message.data, connection.msgtype)
             return store.deserialize_cdr(message.data, connection.msgtype)
         except Exception as cause:
             raise _malformed(message, cause) from cause
+
+    def first(self, topic: str) -> Any:
+        """Return the first message of a topic as an object, None if there is none to understand."""
+        message = next(self.messages((topic,)), None)
+        try:
+            return None if message is None else self.deserialize(message)
+        except AreError:
+            return None
 
     def transforms(self, message: BagMessage) -> list[StampedTransform]:
         """Return the transforms of a TFMessage; as `deserialize` and `read_transforms`, quicker."""
@@ -411,10 +384,38 @@ class BagReader:
         """Return the numbers of an Odometry; errors as `deserialize`."""
         return read_odometry_numbers(self.deserialize(message))
 
+    def as_ros2(self, message: BagMessage) -> bytes:
+        """Return a message of ROS 1 as the bytes of the type that it has become in ROS 2.
+
+        Fields that ROS 2 lacks (Header.seq) are dropped, new ones are zero or empty. Errors as
+        `deserialize`. Transforms are converted quicker than by the general way.
+        """
+        from rosbags.convert.converter import migrate_message
+
+        kind = message.connection.msgtype
+        type_name = ros2_type(kind)
+        if type_name == _TRANSFORMS:
+            with suppress(StructError):  # of a stamp that ROS 2 has not
+                return encode_transforms_cdr(self.transforms(message))
+        ros1, ros2 = self._store_of(message.connection), jazzy_typestore()
+        original = self.deserialize(message)
+        try:
+            migrated = migrate_message(ros1, ros2, kind, type_name, self._migrations, original)
+            return bytes(ros2.serialize_cdr(migrated, type_name))
+        except Exception as cause:
+            raise _malformed(message, cause) from cause
+
     def connections(self) -> Iterator[Any]:
         """Yield rosbags' connections of all recordings: a topic and a type each."""
         for _, reader in self._readers:
             yield from reader.connections
+
+    def _store_of(self, connection: Any) -> Any:
+        """Return the typestore of a connection, made at its first message."""
+        key = (connection.msgtype, connection.msgdef.data)
+        if key not in self._stores:
+            self._stores[key] = _typestore_of(connection, is_ros1=self.is_ros1)
+        return self._stores[key]
 
     def _stream(
         self,
@@ -473,7 +474,3 @@ def _malformed(message: BagMessage, cause: Exception) -> InputError:
     kind = message.connection.msgtype
     text = f"{message.topic}: the message at {message.log_time_ns} ns is no {kind}"
     return InputError(f"{text}, {sentence_of(cause)}")
-
-
-def _names(paths: Sequence[Path]) -> str:
-    return ", ".join(path.name for path in paths)

@@ -7,7 +7,7 @@ order of the file, give the time: `RecordedMessage.at_ns`.
 
 import json
 from bisect import bisect_left, bisect_right
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
@@ -30,6 +30,8 @@ from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError, InputError
 from are_ros.messages.sensors import CAMERA_INFO_TYPE, OUTPUT_TYPES, SENSORS
 from are_ros.messages.tick_encoding import ALL_OUTPUTS, OUTPUTS
+from are_ros.parameters.model import Parameters
+from are_ros.parameters.ros_yaml import with_file
 
 PREFIX: Final = "/ar_builder/"
 INPUT_TYPES: Final = (
@@ -78,6 +80,10 @@ class RecordingFiles:
     files: tuple[Path, ...]
     parameters: Path | None
     is_replay: bool
+
+    def effective(self) -> Parameters:
+        """Return the parameters of the run, the defaults where no file tells. ParameterError."""
+        return Parameters() if self.parameters is None else with_file(Parameters(), self.parameters)
 
 
 def find_recording(path: Path) -> RecordingFiles:
@@ -234,19 +240,27 @@ class Recording:
         return {topic.name: topic.type_name for topic in self.topics}
 
     @property
-    def span_ns(self) -> tuple[int, int]:
-        """The log times [first, just after the last)."""
-        return self._reader.start_ns, self._reader.end_ns
-
-    @property
     def has_jump(self) -> bool:
         """Whether the clock jumps back in it; `messages` ends there. A replay has no jump."""
         return not self.files.is_replay and self._live_ticks().end is not None
 
-    def in_log_order(self, topics: Collection[str] | None) -> Iterator[RecordedMessage]:
-        """Yield the messages of some topics in order of log time, which is their `at_ns`."""
+    def in_log_order(
+        self,
+        topics: Collection[str] | None,
+        open_progress: Callable[[int, int], Callable[[int], None]] | None = None,
+    ) -> Iterator[RecordedMessage]:
+        """Yield the messages of some topics in order of log time, which is their `at_ns`.
+
+        `open_progress` gets the first and the last log time; what it returns, the time reached.
+        """
+        start_ns, end_ns = self._reader.start_ns, self._reader.end_ns
+        progress = open_progress(start_ns, end_ns) if open_progress else None
         for topic, log_ns, data, connection in self._reader.messages(topics):
             yield RecordedMessage(topic, connection.msgtype, log_ns, data, log_ns)
+            if progress:
+                progress(log_ns)
+        if progress:
+            progress(end_ns)
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[RecordedMessage]:
         """Yield the messages of some topics (None: all) with the times at which they count.

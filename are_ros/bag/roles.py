@@ -14,13 +14,18 @@ from are_ros.messages.sensors import SENSORS
 
 TF_TYPES: Final = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 
+CAMERA: Final = "camera/camera_info"
+"""The role of the robot's CameraInfo."""
+OCTOMAP: Final = "octomap_point_cloud_centers"
+"""The role of the topic with the voxels: their centres, or octomap_server's octree."""
+
 ROLE_TYPES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {
         "map": ("nav_msgs/msg/OccupancyGrid",),
-        "octomap_point_cloud_centers": ("sensor_msgs/msg/PointCloud2", OCTOMAP_TYPE),
+        OCTOMAP: ("sensor_msgs/msg/PointCloud2", OCTOMAP_TYPE),
         "odom": ("nav_msgs/msg/Odometry",),
         **{role: kind.type_names for role, kind in SENSORS.items()},
-        "camera/camera_info": ("sensor_msgs/msg/CameraInfo",),
+        CAMERA: ("sensor_msgs/msg/CameraInfo",),
         "tf": TF_TYPES,
         "tf_static": TF_TYPES,
         "clicked_point": ("geometry_msgs/msg/PointStamped",),
@@ -29,8 +34,6 @@ ROLE_TYPES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 )
 """The roles, in the order they are listed, with the types that serve; the default is "/<role>"."""
 
-OCTOMAP: Final = "octomap_point_cloud_centers"
-"""The role of the topic with the voxels: their centres, or octomap_server's octree."""
 _UPDATE_TYPE: Final = "map_msgs/msg/OccupancyGridUpdate"
 _TELLTALES: Final = {
     OCTOMAP: "octomap",

@@ -6,7 +6,7 @@ skips it, and begins anew after it.
 """
 
 from collections import defaultdict, deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
@@ -18,6 +18,7 @@ from are_ros.bag.reader import BagReader
 from are_ros.builder.population_manager import IDLE_NS
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import BagError
+from are_ros.parameters.model import PosesParameters, SensorsParameters
 from are_ros.wording import counted, duration_text, several
 
 GAP_NS: Final = IDLE_NS
@@ -34,15 +35,11 @@ Span = tuple[int, int]
 
 @dataclass(frozen=True)
 class Gap:
-    """A gap [start_ns, stop_ns) of the log; it lasts `length_ns` by the clock.
-
-    `between` names the two files around it, None within one file.
-    """
+    """A gap [start_ns, stop_ns) of the log; it lasts `length_ns` by the clock."""
 
     start_ns: int
     stop_ns: int
     length_ns: int
-    between: tuple[str, str] | None = None
 
 
 @dataclass(frozen=True)
@@ -68,7 +65,11 @@ class Stretches:
         if self.ahead is not None:
             said.append(stillness_ahead(self.ahead.length_ns, "the replay"))
         if self.gaps:
-            gaps = [_gap_text(gap, begin_ns) for gap in self.gaps]
+            gaps = [
+                f"{duration_text(gap.length_ns)} long, {duration_text(gap.start_ns - begin_ns)}"
+                " into it"
+                for gap in self.gaps
+            ]
             more = [f"{len(gaps) - _SHOWN_GAPS} more"] if len(gaps) > _SHOWN_GAPS else []
             listed = "; ".join([*gaps[:_SHOWN_GAPS], *more])
             it, has = ("it", "a gap") if len(gaps) == 1 else ("them", counted(len(gaps), "gap"))
@@ -128,26 +129,18 @@ def stillness_ahead(length_ns: int, what: str) -> str:
     return f"nothing moves in the first {duration_text(length_ns)}: {what} begins after them"
 
 
-def stretches_of(
-    times: RecordedTimes,
-    clock: BagClock,
-    start_ns: int,
-    stop_ns: int,
-    files: Sequence[tuple[str, int, int]] = (),
-) -> Stretches:
+def stretches_of(times: RecordedTimes, clock: BagClock, start_ns: int, stop_ns: int) -> Stretches:
     """Return the stretches of the window [start_ns, stop_ns) of the log that are to be replayed.
 
     Gaps are measured by the clock, the first one from the last moving message before the window,
     the last one up to the next one behind it. A stray message between two gaps belongs to them.
-    `files` are the (name, start, stop) of those that make up the recording.
     """
     log_ns = times.moving_log_ns
     next_ns = stop_ns if times.next_moving_ns is None else times.next_moving_ns
     since_ns = start_ns if times.still_since_ns is None else times.still_since_ns
 
     def gap(from_ns: int, to_ns: int) -> Gap:
-        length_ns = clock.at(to_ns) - clock.at(from_ns)
-        return Gap(from_ns, to_ns, length_ns, _between(files, from_ns, to_ns))
+        return Gap(from_ns, to_ns, clock.at(to_ns) - clock.at(from_ns))
 
     if not len(log_ns):
         moves_elsewhere = times.next_moving_ns is not None or times.still_since_ns is not None
@@ -175,23 +168,6 @@ def stretches_of(
         ahead=gap(start_ns, begin_ns) if begin_ns > start_ns else None,
         behind=gap(end_ns, stop_ns) if end_ns < stop_ns else None,
     )
-
-
-def _between(
-    files: Sequence[tuple[str, int, int]], from_ns: int, to_ns: int
-) -> tuple[str, str] | None:
-    """Return the names of the two files around a gap, None within one file."""
-    before = [name for name, _, stop_ns in files if stop_ns <= to_ns]
-    after = [name for name, start_ns, _ in files if start_ns >= from_ns]
-    if len(before) + len(after) < len(files) or not (before and after):
-        return None
-    return before[-1], after[0]
-
-
-def _gap_text(gap: Gap, begin_ns: int) -> str:
-    at = duration_text(gap.start_ns - begin_ns)
-    where = f", between {gap.between[0]} and {gap.between[1]}" if gap.between else ""
-    return f"{duration_text(gap.length_ns)} long, {at} into it{where}"
 
 
 def scan_waits(
@@ -249,13 +225,13 @@ def needed_wait_s(waits: Mapping[str, Ints], history_s: float) -> float:
     return round(steps * _WAIT_STEP_NS / NS_PER_S, 2)
 
 
-def wait_sentence(
-    topic: str, noun: str, waits_ns: Ints, count: int, tf_wait_s: float, history_s: float
-) -> str:
+def wait_sentence(topic: str, noun: str, waits_ns: Ints, count: int) -> str:
     """Return a sentence on the waits of a topic's readings, and the `sensors.tf_wait` they need.
 
-    `noun` is what to call one of the `count` readings: "scan".
+    `noun` is what to call one of the `count` readings: "scan". Parameters are taken at their
+    defaults.
     """
+    tf_wait_s, history_s = SensorsParameters().tf_wait, PosesParameters().history
     known_ns = _in_reach(waits_ns, history_s)
     late, lost = len(waits_ns) - len(known_ns), count - len(waits_ns)
     readings = counted(count, noun)

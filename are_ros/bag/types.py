@@ -2,12 +2,11 @@
 
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from functools import cache, partial
+from collections.abc import Iterator, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from are_ros.errors import InputError
@@ -60,10 +59,9 @@ def definitions_folder(module: Path = Path(__file__)) -> Path:
     raise InputError("the message definitions (share/are_ros/msg_defs) are not installed")
 
 
-_DEFAULTS: dict[str, Any] = {"string": "", "bool": False, "float32": 0.0, "float64": 0.0}
 _RENAMED = {"tf/msg/tfMessage": "tf2_msgs/msg/TFMessage"}
-_BASE, _NAME, _ARRAY = 1, 2, 3
-"""The node types of rosbags' field descriptions; the fourth is a sequence."""
+_NAME = 2
+"""The node type of a message among rosbags' field descriptions; 1 is a number or a string."""
 
 
 @cache
@@ -86,87 +84,9 @@ def new_typestore() -> Any:
     return store
 
 
-class RosbagsFactory:
-    """Makes message objects of rosbags; a field left out is zero, empty or unturned."""
-
-    def __init__(self, typestore: Any = None) -> None:
-        self._store = jazzy_typestore() if typestore is None else typestore
-        self._makers: dict[str, dict[str, Callable[[], Any]]] = {}
-
-    def make(self, type_name: str, /, **fields: Any) -> Any:
-        """Return a new message object; KeyError for a type, TypeError for a field of no such name.
-
-        Arrays are kept, not copied: change none before it is serialised.
-        """
-        makers = self._makers.get(type_name)
-        if makers is None:
-            makers = self._makers[type_name] = self._makers_of(type_name)
-        if len(fields) < len(makers):
-            fields = {name: make() for name, make in makers.items() if name not in fields} | fields
-        return self._store.types[type_name](**fields)
-
-    def _makers_of(self, type_name: str) -> dict[str, Callable[[], Any]]:
-        """Return what makes the default of each field."""
-        fields = self._store.fielddefs[type_name][1]
-        makers = {name: self._maker_of(description) for name, description in fields}
-        if type_name == "geometry_msgs/msg/Quaternion":
-            makers["w"] = partial(float, 1.0)
-        return makers
-
-    def _maker_of(self, description: tuple[int, Any]) -> Callable[[], Any]:
-        kind, detail = int(description[0]), description[1]
-        if kind == _BASE:
-            return lambda: _DEFAULTS.get(detail[0], 0)
-        if kind == _NAME:
-            return partial(self.make, detail)
-        (element_kind, element), count = detail
-        count = count if kind == _ARRAY else 0
-        if int(element_kind) == _BASE and element[0] != "string":
-            name = {"octet": "uint8", "byte": "uint8", "char": "uint8"}.get(element[0], element[0])
-            return partial(np.zeros, count, np.dtype(name))
-        element_maker = self._maker_of((int(element_kind), element))
-        return lambda: [element_maker() for _ in range(count)]
-
-
 def ros2_type(type_name: str) -> str:
     """Return the type of ROS 2 that a type of ROS 1 has become; others are their own."""
     return _RENAMED.get(type_name, type_name)
-
-
-@cache
-def _jazzy_factory() -> RosbagsFactory:
-    return RosbagsFactory()
-
-
-def as_ros2(original: Any, type_name: str) -> bytes:
-    """Return a ROS 1 message object as the bytes of a ROS 2 type of Jazzy or of ours."""
-    return bytes(jazzy_typestore().serialize_cdr(converted(original, type_name), type_name))
-
-
-def converted(original: Any, type_name: str) -> Any:
-    """Return a ROS 1 message object as the ROS 2 type of its name, field by field.
-
-    Fields that ROS 2 lacks (Header.seq) are dropped, new fields have their defaults, and D, K, R, P
-    of CameraInfo become lower case.
-    """
-    fields = {}
-    for name, description in jazzy_typestore().fielddefs[type_name][1]:
-        source = name if hasattr(original, name) else name.upper()
-        if hasattr(original, source):
-            fields[name] = _converted_field(getattr(original, source), description)
-    return _jazzy_factory().make(type_name, **fields)
-
-
-def _converted_field(value: Any, description: Any) -> Any:
-    kind, detail = int(description[0]), description[1]
-    if kind == _BASE:
-        return value
-    if kind == _NAME:
-        return converted(value, detail)
-    element = detail[0]
-    if int(element[0]) == _NAME:
-        return [converted(one, element[1]) for one in value]
-    return value
 
 
 # Message types beyond ROS 2 Jazzy's own: read from the .msg texts of the installed packages.

@@ -21,13 +21,13 @@ FOREVER_NS: Final = 2**63 - 1
 """A deadline, lifespan or lease that never ends, in the middleware and in recordings."""
 
 _PROFILE = """\
-- history: {history}
-  depth: {depth}
-  reliability: {reliability}
-  durability: {durability}
+- history: {of.history}
+  depth: {of.depth}
+  reliability: {of.reliability}
+  durability: {of.durability}
   deadline: {deadline}
   lifespan: {lifespan}
-  liveliness: {liveliness}
+  liveliness: {of.liveliness}
   liveliness_lease_duration: {lease}
   avoid_ros_namespace_conventions: false
 """
@@ -52,19 +52,14 @@ class OfferedQos:
 
 def qos_text(profiles: Sequence[OfferedQos]) -> str:
     """Return the YAML list of profiles, one for each publisher."""
-    return "".join(_profile_text(profile) for profile in profiles)
-
-
-def _profile_text(profile: OfferedQos) -> str:
-    return _PROFILE.format(
-        history=profile.history,
-        depth=profile.depth,
-        reliability=profile.reliability,
-        durability=profile.durability,
-        deadline=_duration_text(profile.deadline_ns),
-        lifespan=_duration_text(profile.lifespan_ns),
-        liveliness=profile.liveliness,
-        lease=_duration_text(profile.lease_ns),
+    return "".join(
+        _PROFILE.format(
+            of=profile,
+            deadline=_duration_text(profile.deadline_ns),
+            lifespan=_duration_text(profile.lifespan_ns),
+            lease=_duration_text(profile.lease_ns),
+        )
+        for profile in profiles
     )
 
 

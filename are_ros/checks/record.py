@@ -22,8 +22,6 @@ from are_ros.bag.decoded import (
     Predicted,
     Scene,
     Transforms,
-    TransformSample,
-    time_ns,
 )
 from are_ros.bag.marker_decoding import TRIANGLES, MarkerFields
 from are_ros.bag.reader import sentence_of
@@ -50,6 +48,7 @@ from are_ros.checks.sensors.samples import BEAMS, SensorCloud
 from are_ros.checks.sensors.scan_pairs import Kept, ScanPairs
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import AreError, InputError
+from are_ros.messages.common import read_time
 from are_ros.messages.tick_encoding import ARTEFACT_BOXES, PERCEIVED_BOXES
 from are_ros.messages.tick_encoding import OCTOMAP as AUGMENTED_OCTOMAP
 from are_ros.parameters.choices import OdometryUse
@@ -244,8 +243,10 @@ class Record:
             if not is_output and topic not in self.infos_of_depths:
                 self.images.setdefault(topic, []).append(value)
         elif kind is Transforms:
-            for sample in value.samples:
-                self._take_transform(sample, value.at_ns, TF, is_static="static" in topic)
+            is_static = "static" in topic
+            for parent, child, stamp_ns, place, turn in value.samples:
+                pose = (*place, *turn)
+                self.frames.add(parent, child, stamp_ns, value.at_ns, pose, TF, is_static=is_static)
         elif kind is Odometry:
             self._take_odometry(value)
         else:
@@ -308,7 +309,7 @@ class Record:
 
     def _take_boxes(self, topic: str, message: Any) -> None:
         """Take boxes of an image, or those of a tick."""
-        stamp_ns = time_ns(message.header.stamp)
+        stamp_ns = read_time(message.header.stamp)
         if topic == PREFIX + ARTEFACT_BOXES:
             self.artefact_boxes.append((stamp_ns, message))
         elif topic == PREFIX + PERCEIVED_BOXES:
@@ -336,16 +337,10 @@ class Record:
         use = self.settings.frames.odometry
         if use is OdometryUse.IGNORE:
             return
-        sample = odometry.sample
-        sample = sample._replace(child=sample.child or self.base_frame())
+        parent, child, stamp_ns, pose = odometry.numbers
+        child = child or self.base_frame()
         source = PREFERRED_ODOMETRY if use is OdometryUse.USE else ODOMETRY
-        self._take_transform(sample, odometry.at_ns, source, is_static=False)
-
-    def _take_transform(
-        self, sample: TransformSample, at_ns: int, source: int, *, is_static: bool
-    ) -> None:
-        parent, child, stamp_ns, numbers = sample
-        self.frames.add(parent, child, stamp_ns, at_ns, numbers, source, is_static=is_static)
+        self.frames.add(parent, child, stamp_ns, odometry.at_ns, pose, source, is_static=False)
 
 
 def at_their_ticks(

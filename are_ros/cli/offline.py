@@ -293,11 +293,12 @@ def export(
     if (mesh, tracks, kitti, coco) == (None, None, None, None):
         formats = "--mesh FILE.glb, --tracks, --kitti or --coco FOLDER"
         raise click.UsageError(f"Nothing to write: give {formats}")
-    from are_ros.export.command import DataSets, MeshOptions, export_mesh, export_sets
+    from are_ros.export.command import export_mesh, export_sets
 
     if mesh is not None:
-        export_mesh(say, MeshOptions(recording, mesh, at_s, octomap_file))
-    export_sets(say, recording, DataSets(tracks, kitti, coco, cloud, image))
+        export_mesh(say, recording, mesh, at_s, octomap_file)
+    folders = {"tracks": tracks, "kitti": kitti, "coco": coco}
+    export_sets(say, recording, folders, cloud, image)
 
 
 # The command of `are` that fits the mixture of Eq. 1 to observed rows.

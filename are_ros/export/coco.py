@@ -9,9 +9,10 @@ import numpy.typing as npt
 
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError, InputError
-from are_ros.export.truth import OpenProgress, TruthReader, chosen_topic
+from are_ros.export.truth import TruthReader, chosen_topic
 from are_ros.messages.images.colour import read_colour
 from are_ros.messages.images.image import read_image
+from are_ros.replay.progress import OpenProgress
 from are_ros.wording import counted, why_refused
 
 _MASK = "/mask"
@@ -93,7 +94,7 @@ def run_lengths(mask: npt.NDArray[np.bool_]) -> list[int]:
     return [int(n) for n in np.diff(changes, prepend=0)]
 
 
-def export_coco(recording: Path, folder: Path, image: str, open_progress: OpenProgress) -> str:
+def export_coco(recording: Path, folder: Path, open_progress: OpenProgress, image: str) -> str:
     """Write images and annotations into a folder, and return a sentence about them.
 
     `image` names the painted image's topic, empty where there is one only. Raises BagError.

@@ -1,7 +1,8 @@
 """`are export` without the shell: a recording in, files for other programs out."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -17,14 +18,12 @@ from are_ros.export.scene_mesh import ENVIRONMENT, scene_parts, write_scene, wri
 from are_ros.export.tracks import export_tracks
 from are_ros.parameters.model import WorldParameters
 from are_ros.replay.pictures import place_of
-from are_ros.replay.progress import ProgressBar
+from are_ros.replay.progress import OpenProgress, ProgressBar, Say
 from are_ros.replay.recorded_scene import RecordedScene, read_recorded_scene
 from are_ros.wording import counted
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_files.octomap import read_voxel_file
 from are_ros.world.voxel_map import VoxelMap
-
-Say = Callable[[str], None]
 
 _WITHOUT_OCTOMAP: Final = (
     "the walls of the map stand in for the octomap of the run, which the recording does not hold: "
@@ -32,74 +31,55 @@ _WITHOUT_OCTOMAP: Final = (
 )
 
 
-@dataclass(frozen=True)
-class MeshOptions:
-    """What `are export --mesh` is asked for.
+def export_mesh(
+    say: Say, recording: Path, mesh: Path, at_s: float | None, octomap_file: Path | None
+) -> None:
+    """Write the mesh of the scene at a time, and say what it is. Raises AreError.
 
     `at_s` is the time from the first tick on, None for the last tick. `octomap_file` goes before
     what the recording holds.
     """
-
-    recording: Path
-    mesh: Path
-    at_s: float | None = None
-    octomap_file: Path | None = None
-
-
-def export_mesh(say: Say, options: MeshOptions) -> None:
-    """Write the mesh of the scene at a time, and say what it is. Raises AreError."""
-    writer_of(options.mesh)
+    writer_of(mesh)
     with ProgressBar("reading") as bar:
-        scene = read_recorded_scene(options.recording, bar.open)
-    if options.octomap_file is not None:
-        voxels = _voxels_of_file(options.octomap_file, scene.parameters.world)
+        scene = read_recorded_scene(recording, bar.open)
+    if octomap_file is not None:
+        voxels = _voxels_of_file(octomap_file, scene.parameters.world)
         scene = replace(scene, voxels=voxels, cloud_problem="")
-    moment = moment_at(scene.record, options.at_s)
+    moment = moment_at(scene.record, at_s)
     place = place_of(scene.parameters, scene.grid, scene.voxels, camera=None)
     parts = scene_parts(place, scene.parameters.world, moment)
-    length_bytes = write_scene(options.mesh, parts)
+    length_bytes = write_scene(mesh, parts)
     triangles = sum(len(part.faces) for part in parts if part.name == ENVIRONMENT)
-    at_s = (moment.stamp_ns - int(scene.record.series.stamps_ns[0])) / NS_PER_S
+    shown_s = (moment.stamp_ns - int(scene.record.series.stamps_ns[0])) / NS_PER_S
     say(
-        f"mesh: {options.mesh} ({length_bytes / 1e6:.1f} MB, at {at_s:g} s: "
+        f"mesh: {mesh} ({length_bytes / 1e6:.1f} MB, at {shown_s:g} s: "
         f"{counted(len(moment.artefacts), 'artefact')}, an environment of "
         f"{counted(triangles, 'triangle')})"
     )
-    for problem in _problems(options.recording, scene):
+    for problem in _problems(recording, scene):
         say(problem)
 
 
-@dataclass(frozen=True)
-class DataSets:
-    """The folders of the data sets that are asked for, None: not asked for.
+def export_sets(
+    say: Say, recording: Path, folders: Mapping[str, Path | None], cloud: str, image: str
+) -> None:
+    """Write the data sets whose folders are given, and say what they are. Raises AreError.
 
     `cloud` and `image` name the topics of the augmented cloud and of the painted image, empty where
     there is one only.
     """
-
-    tracks: Path | None = None
-    kitti: Path | None = None
-    coco: Path | None = None
-    cloud: str = ""
-    image: str = ""
-
-
-def export_sets(say: Say, recording: Path, sets: DataSets) -> None:
-    """Write the data sets that are asked for, and say what they are. Raises AreError."""
-    for folder in filter(None, (sets.tracks, sets.kitti, sets.coco)):
+    wanted = {name: folder for name, folder in folders.items() if folder is not None}
+    writers: dict[str, Callable[[Path, Path, OpenProgress], str]] = {
+        "tracks": export_tracks,
+        "kitti": partial(export_kitti, cloud=cloud),
+        "coco": partial(export_coco, image=image),
+    }
+    for folder in wanted.values():
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise BagError(f"{folder}: it is there already, and not empty")
-    if sets.tracks is not None:
-        with ProgressBar("tracks") as bar:
-            sentence = export_tracks(recording, sets.tracks, bar.open)
-        say(sentence)
-    if sets.kitti is not None:
-        with ProgressBar("kitti") as bar:
-            sentence = export_kitti(recording, sets.kitti, sets.cloud, bar.open)
-        say(sentence)
-    if sets.coco is not None:
-        with ProgressBar("coco") as bar:
-            sentence = export_coco(recording, sets.coco, sets.image, bar.open)
+    for name, folder in wanted.items():
+        with ProgressBar(name) as bar:
+            sentence = writers[name](recording, folder, bar.open)
         say(sentence)
 
 

@@ -4,7 +4,7 @@ import csv
 import math
 from collections import Counter, deque
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TextIO
 
 import numpy as np
 import numpy.typing as npt
@@ -13,10 +13,11 @@ from are_ros.bag.decoded import Sighting
 from are_ros.bag.recording import PREFIX
 from are_ros.builder.sensors.point_cloud import PointCloud
 from are_ros.errors import BagError, FrameError, InputError
-from are_ros.export.truth import Interval, OpenProgress, TruthReader, chosen_topic
+from are_ros.export.truth import Interval, TruthReader, chosen_topic
 from are_ros.messages.sensors import read_cloud
+from are_ros.replay.progress import OpenProgress
 from are_ros.wording import counted, why_refused
-from are_ros.world.cameras import Camera, PinholeView
+from are_ros.world.cameras import PinholeView
 from are_ros.world.rigid_transform import RigidTransform
 
 Floats = npt.NDArray[np.float64]
@@ -45,18 +46,12 @@ class Label(NamedTuple):
 class KittiWriter:
     """Writes a frame for each augmented cloud whose time, poses and camera are known."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, index: TextIO) -> None:
+        """Take the folder, and the file for the list of frames."""
         self.frames = self.boxes = 0
-        self._folder = folder / "training"
-        for name in ("velodyne", "label_2", "calib"):
-            (self._folder / name).mkdir(parents=True, exist_ok=True)
-        self._index = (folder / "frames.csv").open("w", newline="", encoding="utf-8")
-        self._table = csv.writer(self._index)
+        self._folder = folder
+        self._table = csv.writer(index)
         self._table.writerow(("frame", "stamp_ns"))
-
-    def close(self) -> None:
-        """Close the list of frames."""
-        self._index.close()
 
     def add(
         self,
@@ -77,7 +72,7 @@ class KittiWriter:
         self.boxes += len(labels)
 
 
-def export_kitti(recording: Path, folder: Path, cloud: str, open_progress: OpenProgress) -> str:
+def export_kitti(recording: Path, folder: Path, open_progress: OpenProgress, cloud: str) -> str:
     """Write clouds, labels and calibration into a folder, and return a sentence about them.
 
     `cloud` names the augmented cloud's topic, empty where there is one only. What is labelled are
@@ -87,7 +82,7 @@ def export_kitti(recording: Path, folder: Path, cloud: str, open_progress: OpenP
     known = [topic for topic in reader.outputs(_CLOUD) if topic != PREFIX + "augmented_octomap"]
     without = f"{recording} has no augmented cloud (sensors.clouds)"
     topic = chosen_topic(known, cloud, "--kitti", "--cloud", without)
-    waiting: deque[tuple[PointCloud, RigidTransform, RigidTransform, Camera]] = deque()
+    waiting: deque[tuple[PointCloud, RigidTransform, RigidTransform, PinholeView]] = deque()
     left_out: Counter[str] = Counter()
 
     def take(message: Any) -> None:
@@ -99,9 +94,10 @@ def export_kitti(recording: Path, folder: Path, cloud: str, open_progress: OpenP
             left_out["the pose of its sensor or of the camera is not known"] += 1
 
     try:
-        writer = KittiWriter(folder)
-        before = None
-        try:
+        for name in ("velodyne", "label_2", "calib"):
+            (folder / "training" / name).mkdir(parents=True, exist_ok=True)
+        with (folder / "frames.csv").open("w", newline="", encoding="utf-8") as index:
+            writer, before = KittiWriter(folder / "training", index), None
             for tick in reader.read(open_progress, {topic: take}):
                 while waiting and waiting[0][0].stamp_ns <= tick.scene.stamp_ns:
                     one = waiting.popleft()
@@ -110,8 +106,6 @@ def export_kitti(recording: Path, folder: Path, cloud: str, open_progress: OpenP
                     else:
                         _add(writer, Interval(before, tick), *one)
                 before = tick
-        finally:
-            writer.close()
     except OSError as cause:
         raise BagError(f"--kitti {folder}: {why_refused(cause)}") from cause
     left_out[_WITHOUT_TRUTH] += len(waiting)
@@ -122,8 +116,8 @@ def export_kitti(recording: Path, folder: Path, cloud: str, open_progress: OpenP
 
 def _placed(
     reader: TruthReader, cloud: PointCloud
-) -> tuple[PointCloud, RigidTransform, RigidTransform, Camera]:
-    """Return a cloud with the poses of its sensor and of the camera.
+) -> tuple[PointCloud, RigidTransform, RigidTransform, PinholeView]:
+    """Return a cloud with the poses of its sensor and of the camera, and what that sees.
 
     Raises InputError before the first CameraInfo, FrameError where a pose is not known.
     """
@@ -138,7 +132,7 @@ def _placed(
     map_from_camera = frames.lookup(map_frame, frame, cloud.stamp_ns)
     if not camera.frame_id:
         map_from_camera = map_from_camera @ camera.base_from_optical
-    return cloud, map_from_sensor, map_from_camera, camera
+    return cloud, map_from_sensor, map_from_camera, camera.view
 
 
 def _add(
@@ -147,11 +141,8 @@ def _add(
     cloud: PointCloud,
     map_from_sensor: RigidTransform,
     map_from_camera: RigidTransform,
-    camera: Camera,
+    view: PinholeView,
 ) -> None:
-    view = camera.view
-    if not isinstance(view, PinholeView):  # `_placed` has refused it
-        return
     level = level_frame(map_from_camera)
     camera_from_level = (map_from_camera.inverse() @ level).rotation_matrix()
     intrinsics = np.array(((view.fx, 0.0, view.cx), (0.0, view.fy, view.cy), (0.0, 0.0, 1.0)))

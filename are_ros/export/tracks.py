@@ -8,7 +8,8 @@ from typing import Any, Final
 
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
-from are_ros.export.truth import OpenProgress, TrueTick, TruthReader
+from are_ros.export.truth import TrueTick, TruthReader
+from are_ros.replay.progress import OpenProgress
 from are_ros.wording import counted, why_refused
 
 TABLE, TUM, ROBOT = "tracks.csv", "tum", "robot.txt"

@@ -4,25 +4,21 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros.bag.decoded import Scene, Sighting
 from are_ros.bag.recording import PREFIX, RecordedMessage, Recording, find_recording
-from are_ros.bag.roles import find_roles
+from are_ros.bag.roles import CAMERA, find_roles
 from are_ros.errors import BagError, InputError
-from are_ros.parameters.model import Parameters
-from are_ros.parameters.ros_yaml import with_file
-from are_ros.replay.progress import Progress
-from are_ros.replay.recorded_frames import RecordedRobot
+from are_ros.replay.progress import OpenProgress
+from are_ros.replay.recorded_frames import ROBOT_ROLES, RecordedRobot
 from are_ros.world.rigid_transform import RigidTransform
 
-OpenProgress = Callable[[int, int], Progress]
 Sightings = Mapping[int, Sighting]
 
-_ROLES: Final = ("tf", "tf_static", "odom", "camera/camera_info")
 _ARTEFACTS, _PERCEIVED = PREFIX + "artefacts", PREFIX + "perceived"
 
 
@@ -80,16 +76,14 @@ class TruthReader:
 
     def __init__(self, path: Path) -> None:
         found = find_recording(path)
-        self.parameters = Parameters()
-        if found.parameters is not None:
-            self.parameters = with_file(self.parameters, found.parameters)
+        self.parameters = found.effective()
         self.recording = Recording(found)
         with self.recording as recording:
             self._types = recording.types
-            self._roles = find_roles(recording.topics, {}).by_topic(_ROLES)
+            self._roles = find_roles(recording.topics, {}).by_topic(ROBOT_ROLES)
         if _ARTEFACTS not in self._types:
             raise BagError(f"{path}: it holds no {_ARTEFACTS}, so nothing is known of artefacts")
-        has_camera_info = "camera/camera_info" in self._roles.values()
+        has_camera_info = CAMERA in self._roles.values()
         self.robot = RecordedRobot(self.parameters, has_camera_info=has_camera_info)
 
     def outputs(self, type_name: str = "") -> list[str]:
@@ -109,13 +103,10 @@ class TruthReader:
         """
         topics = {*self._roles, *also, _ARTEFACTS, *({_PERCEIVED} & {*self._types})}
         with self.recording as recording:
-            start_ns, end_ns = recording.span_ns
-            progress = open_progress(start_ns, end_ns)
             scene: Scene | None = None
             base: RigidTransform | None = None
             sightings: dict[int, Sightings] = {}
-            for message in recording.in_log_order(topics):
-                progress(message.log_ns)
+            for message in recording.in_log_order(topics, open_progress):
                 if message.topic in also:
                     also[message.topic](recording.deserialize(message))
                     continue
@@ -129,7 +120,6 @@ class TruthReader:
                     sightings[value.at_ns] = {one.artefact_id: one for one in value.sightings}
                 else:
                     self._take(message, value)
-            progress(end_ns)
             if scene is not None:
                 yield TrueTick(scene, sightings.pop(scene.stamp_ns, {}), base)
 

@@ -1,6 +1,6 @@
 """`are fit` without the shell: observed rows in, the mixture that explains them out."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,22 +14,21 @@ from are_ros.draw.plots import draw_fit
 from are_ros.errors import InputError, ParameterError
 from are_ros.fit.observed import ObservedRows, RowSpace, is_recording, read_observed
 from are_ros.fit.results import (
+    PARAMETERS,
     PICTURE,
     RECORD,
     RESULTS,
     FitOutcome,
+    fitted_yaml,
     outcome_lines,
     record_content,
-    write_parameters,
 )
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
 from are_ros.population.mixture_fit import Progress, best_by_bic, fit_by_bic, fit_mixture
 from are_ros.replay.output_folder import all_or_nothing
-from are_ros.replay.progress import ProgressBar
+from are_ros.replay.progress import ProgressBar, Say
 from are_ros.replay.results import write_json
-
-Say = Callable[[str], None]
 
 _SHOWN_AFTER_S: Final = 1.0
 
@@ -71,9 +70,12 @@ def row_space(options: FitOptions) -> tuple[RowSpace, Path | None]:
         return RowSpace(options.rows), None
     if options.catalogue_file is not None:
         return RowSpace.of(read_catalogue(options.catalogue_file)), options.catalogue_file
-    parameters = Parameters()
-    for path in _parameter_files(options):
-        parameters = with_file(parameters, path)
+    if is_recording(options.source) and not options.parameter_files:
+        parameters = find_recording(options.source).effective()
+    else:
+        parameters = Parameters()
+        for path in options.parameter_files:
+            parameters = with_file(parameters, path)
     if not parameters.catalogue:
         return RowSpace.of(read_catalogue()), None
     return RowSpace.of(read_catalogue(Path(parameters.catalogue))), Path(parameters.catalogue)
@@ -83,13 +85,15 @@ def fitted(
     options: FitOptions, observed: ObservedRows, space: RowSpace, catalogue_file: Path | None
 ) -> FitOutcome:
     """Fit the mixture; an error of the rows names their source."""
-    with _told_of(options.source), _search_bar() as progress:
-        if options.components is None:
-            most, seed = options.max_components, options.seed
-            fits = fit_by_bic(observed.counts, most, seed=seed, progress=progress)
-        else:
-            count, seed = options.components, options.seed
-            fits = (fit_mixture(observed.counts, count, seed=seed, progress=progress),)
+    counts, seed = observed.counts, options.seed
+    try:
+        with _search_bar() as progress:
+            if options.components is None:
+                fits = fit_by_bic(counts, options.max_components, seed=seed, progress=progress)
+            else:
+                fits = (fit_mixture(counts, options.components, seed=seed, progress=progress),)
+    except (InputError, ParameterError) as cause:
+        raise type(cause)(f"{options.source}: {cause}") from cause
     return FitOutcome(
         source=options.source.name or str(options.source),
         observed=observed,
@@ -106,7 +110,7 @@ def write_outcome(outcome: FitOutcome, folder: Path) -> None:
     """Write fitted.yaml, fit.json and fit.png, all or none; BagError if they cannot be."""
     with all_or_nothing(folder, RESULTS):
         folder.mkdir(parents=True, exist_ok=True)
-        write_parameters(outcome, folder)
+        (folder / PARAMETERS).write_text(fitted_yaml(outcome), encoding="utf-8")
         write_json(folder / RECORD, record_content(outcome))
         draw_fit(
             outcome.fits,
@@ -117,22 +121,6 @@ def write_outcome(outcome: FitOutcome, folder: Path) -> None:
             is_by_bic=outcome.is_by_bic,
             catalogue=outcome.space.catalogue,
         )
-
-
-def _parameter_files(options: FitOptions) -> Sequence[Path]:
-    if options.parameter_files or not is_recording(options.source):
-        return options.parameter_files
-    beside = find_recording(options.source).parameters
-    return () if beside is None else (beside,)
-
-
-@contextmanager
-def _told_of(source: Path) -> Iterator[None]:
-    """Put the name of the source before the text of an error."""
-    try:
-        yield
-    except (InputError, ParameterError) as cause:
-        raise type(cause)(f"{source}: {cause}") from cause
 
 
 @contextmanager

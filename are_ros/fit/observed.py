@@ -3,7 +3,7 @@
 import csv
 import json
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain
@@ -19,10 +19,8 @@ from are_ros.population.artefact import Origin
 from are_ros.population.catalogue import Catalogue
 from are_ros.population.mixture_fit import Counts, why_no_row
 from are_ros.population.scenario import FIRST_ADMITTED_ID
+from are_ros.replay.progress import OpenProgress
 from are_ros.wording import counted
-
-OpenProgress = Callable[[int, int], Callable[[int], None]]
-"""Takes the first and the last time [ns]; returns a callback for the time reached."""
 
 _TABLES: Final = (".csv", ".txt")
 _RECORDINGS: Final = (".mcap", ".db3")
@@ -93,31 +91,19 @@ def read_table(path: Path, space: RowSpace) -> ObservedRows:
     Separated by commas, semicolons or tabs; empty lines and those that begin with # are left out.
     """
     counts = [0] * space.rows
-    known: dict[tuple[str, ...], tuple[int, int]] = {}
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
             columns, lines = _columns(path, _lines(stream))
             for line, cells in lines:
                 if len(cells) <= max(columns.values()):
                     raise InputError(f"{path.name}, line {line}: it has too few columns")
-                values = tuple([cells[column] for column in columns.values()])
-                if values not in known:
-                    entry = dict(zip(columns, values, strict=True))
-                    known[values] = _row_and_count(f"{path.name}, line {line}", entry, space)
-                row, count = known[values]
-                counts[row] += count
+                where = f"{path.name}, line {line}"
+                row_of, name = (_label_row, _LABEL) if _LABEL in columns else (_number_row, _ROW)
+                row = row_of(where, cells[columns[name]], space)
+                counts[row] += _count(where, cells[columns[_COUNT]] if _COUNT in columns else "1")
     except (OSError, ValueError, csv.Error) as cause:
         raise _unreadable(path, cause) from cause
     return ObservedRows(np.array(counts, dtype=np.int64))
-
-
-def _row_and_count(where: str, entry: Mapping[str, str], space: RowSpace) -> tuple[int, int]:
-    """Return the row that a line of a table names, and how often it counts."""
-    if _LABEL in entry:
-        row = _label_row(where, entry[_LABEL], space)
-    else:
-        row = _number_row(where, entry[_ROW], space)
-    return row, _count(where, entry.get(_COUNT, "1"))
 
 
 def read_list(path: Path, space: RowSpace) -> ObservedRows:
@@ -130,10 +116,7 @@ def read_list(path: Path, space: RowSpace) -> ObservedRows:
         raise InputError(f"{path.name}: it holds no list, but rows are read from one")
     counts = np.zeros(space.rows, dtype=np.int64)
     for entry, value in enumerate(content):
-        if type(value) is int and 0 <= value < space.rows:  # by far the most
-            counts[value] += 1
-        else:
-            counts[_entry_row(f"{path.name}, entry {entry}", value, space)] += 1
+        counts[_entry_row(f"{path.name}, entry {entry}", value, space)] += 1
     return ObservedRows(counts)
 
 
@@ -307,16 +290,12 @@ def read_recording(path: Path, space: RowSpace, open_progress: OpenProgress) -> 
         topics = [name for name, kind in types.items() if kind in {_EVENT, _ARRAY}]
         if not topics:
             raise BagError(f"{path}: there are neither events nor artefacts of ar_builder in it")
-        start_ns, end_ns = recording.span_ns
-        move = open_progress(start_ns, end_ns)
-        for message in recording.in_log_order(topics):
+        for message in recording.in_log_order(topics, open_progress):
             node, value = message.topic.rpartition("/")[0], recording.decode(message)
             if isinstance(value, Event):
                 census.take_event(node, value)
             else:
                 census.take_scene(node, value)
-            move(message.log_ns)
-        move(end_ns)
     fates = census.labels_by_fate()
     rows = _rows_by_label(path, census, space)
     counts = np.zeros(space.rows, dtype=np.int64)

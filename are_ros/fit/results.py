@@ -10,7 +10,6 @@ import numpy.typing as npt
 import yaml
 
 from are_ros.fit.observed import ObservedRows, RowSpace
-from are_ros.parameters.ros_yaml import read_ros_parameters
 from are_ros.population.catalogue import Catalogue
 from are_ros.population.mixture_fit import MixtureFit, Stop
 from are_ros.wording import aligned, counted, section
@@ -92,13 +91,6 @@ def fitted_yaml(outcome: FitOutcome) -> str:
         "rows.\n"
     )
     return head + yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=10_000)
-
-
-def write_parameters(outcome: FitOutcome, folder: Path) -> None:
-    """Write fitted.yaml, and read it as node and replay do. OSError, ParameterError."""
-    path = folder / PARAMETERS
-    path.write_text(fitted_yaml(outcome), encoding="utf-8")
-    read_ros_parameters(path)
 
 
 def record_content(outcome: FitOutcome) -> dict[str, Any]:

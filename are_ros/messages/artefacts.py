@@ -100,14 +100,8 @@ def _tail(artefact: Artefact, status: Status) -> bytes:
 
 
 _UINT64: Final = Struct("<Q")
-_DOUBLE: Final = Struct("<d")
-_POSE_SIZE_TWIST: Final = Struct("<88d")
-"""A pose and a twist, each with its covariance, and the size between them."""
-
 _PIXELS_AND_SHARES: Final = Struct("<2I3f")
-_REGION: Final = Struct("<4I?")
-_COUNTS: Final = Struct("<2I")
-_LONG_COUNTS_AND_MEASURES: Final = Struct("<5Q3d")
+_COUNTS: Final = Struct("<5Q")
 
 
 def encode_perceived(
@@ -146,7 +140,7 @@ def encode_event(frame_id: str, event: ArtefactEvent) -> bytes:
     writer.pack(_UINT64, 8, event.artefact_id)
     writer.text(event.label)
     writer.text(event.detail)
-    writer.pack(_DOUBLE, 8, event.value)
+    writer.doubles(event.value)
     return writer.message()
 
 
@@ -154,33 +148,28 @@ def encode_metrics(frame_id: str, stamp_ns: int, metrics: SceneMetrics) -> bytes
     """Return an are_msgs/SceneMetrics."""
     writer = CdrWriter()
     writer.header(frame_id, stamp_ns)
-    writer.pack(_COUNTS, 4, metrics.alive, metrics.perceived)
+    writer.count(metrics.alive)
+    writer.count(metrics.perceived)
     writer.pack(
-        _LONG_COUNTS_AND_MEASURES,
+        _COUNTS,
         8,
         metrics.arrivals,
         metrics.departures,
         metrics.blocked,
         metrics.displaced,
         metrics.robot_contacts,
-        metrics.area_m2,
-        metrics.clutter_ratio,
-        metrics.rho,
     )
+    writer.doubles(metrics.area_m2, metrics.clutter_ratio, metrics.rho)
     return writer.message()
 
 
 def _append_perceived(writer: CdrWriter, artefact: PerceivedArtefact) -> None:
-    pose, (x, y, width, height) = artefact.map_from_artefact, artefact.roi_px
     writer.pack(_UINT64, 8, artefact.artefact_id)
     writer.text(artefact.label)
     writer.texts(artefact.classes)
     writer.numbers(np.array(artefact.probabilities), "<f4")
-    writer.pack(
-        _POSE_SIZE_TWIST,
-        8,
-        *pose.translation_m.tolist(),
-        *pose.rotation_xyzw.tolist(),
+    writer.pose(artefact.map_from_artefact)
+    writer.doubles(
         *artefact.pose_covariance,
         *artefact.size_m,
         *artefact.linear_velocity_m_s,
@@ -196,7 +185,7 @@ def _append_perceived(writer: CdrWriter, artefact: PerceivedArtefact) -> None:
         artefact.range_m,
         artefact.existence,
     )
-    writer.pack(_REGION, 4, x, y, height, width, False)
+    writer.region(artefact.roi_px)
     writer.time(artefact.last_seen_ns)
     writer.texts(artefact.cameras)
     writer.texts(artefact.behaviours)

@@ -1,7 +1,7 @@
 """Values as little-endian XCDR1, the bytes of ROS 2 messages."""
 
 from collections.abc import Sequence
-from struct import Struct
+from struct import Struct, pack
 from typing import Any, Final
 
 import numpy as np
@@ -9,10 +9,12 @@ import numpy.typing as npt
 
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError
+from are_ros.world.rigid_transform import RigidTransform
 
 _ENCAPSULATION: Final = b"\x00\x01\x00\x00"
 _STAMP: Final = Struct("<iI")
 _COUNT: Final = Struct("<I")
+_REGION: Final = Struct("<4I?")
 
 
 def pack_time(time_ns: int) -> bytes:
@@ -44,6 +46,20 @@ class CdrWriter:
         """Append numbers; struct.error where one does not fit the form."""
         self.align(alignment)
         self._body += form.pack(*values)
+
+    def doubles(self, *values: float) -> None:
+        """Append numbers of float64, without their count."""
+        self.align(8)
+        self._body += pack(f"<{len(values)}d", *values)
+
+    def pose(self, pose: RigidTransform) -> None:
+        """Append a geometry_msgs/Pose."""
+        self.doubles(*pose.translation_m.tolist(), *pose.rotation_xyzw.tolist())
+
+    def region(self, roi_px: tuple[int, int, int, int], *, do_rectify: bool = False) -> None:
+        """Append a sensor_msgs/RegionOfInterest of x, y, width and height."""
+        x, y, width, height = roi_px
+        self.pack(_REGION, 4, x, y, height, width, do_rectify)
 
     def byte(self, value: int) -> None:
         """Append a number from 0 to 255, or a bool."""

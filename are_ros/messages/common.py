@@ -61,7 +61,9 @@ def read_vector(vector: Any) -> Vector3:
     return vector.x, vector.y, vector.z
 
 
-# geometry_msgs/Pose <-> rigid transforms.
+def read_quaternion(rotation: Any) -> tuple[float, float, float, float]:
+    """Return x, y, z, w of a Quaternion, whatever they are."""
+    return rotation.x, rotation.y, rotation.z, rotation.w
 
 
 def read_pose(pose: Any, field: str, source: str) -> RigidTransform:
@@ -69,11 +71,8 @@ def read_pose(pose: Any, field: str, source: str) -> RigidTransform:
 
     `field` is its name in the message, `source` the topic: the error's sentence begins so.
     """
-    at, rotation = pose.position, pose.orientation
     try:
-        return RigidTransform.checked(
-            (at.x, at.y, at.z), (rotation.x, rotation.y, rotation.z, rotation.w)
-        )
+        return RigidTransform.checked(read_vector(pose.position), read_quaternion(pose.orientation))
     except InvalidTransformError as cause:
         message = f"{source}: {field}: {cause}"
         raise InputError(message) from cause

@@ -1,30 +1,21 @@
 """Messages of the navigation stack and of rviz: paths, clicked points, stamped poses."""
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros.errors import InputError
-from are_ros.messages.common import (
-    read_header,
-    read_pose,
-    read_vector,
-)
+from are_ros.messages.common import read_header, read_pose, read_vector
 from are_ros.world.rigid_transform import RigidTransform
 
 
-@dataclass(frozen=True, eq=False)
-class StampedPoints:
+class StampedPoints(NamedTuple):
     """Points (N, 3) float64 [m] in a frame at a stamp: a plan's way (N may be 0), or a click."""
 
     frame_id: str
     stamp_ns: int
     points_m: npt.NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        self.points_m.flags.writeable = False
 
 
 def read_path(message: Any, source: str = "plan") -> StampedPoints:

@@ -9,26 +9,22 @@ import numpy.typing as npt
 from are_ros.builder.costmap.augmented_map import GridUpdate
 from are_ros.errors import InputError, MapError
 from are_ros.messages.cdr import CdrWriter
-from are_ros.messages.common import read_array, read_time
+from are_ros.messages.common import read_array, read_quaternion, read_time, read_vector
 from are_ros.messages.sensors import read_cloud
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.voxel_files.octomap import OctreeHeader, read_octree
 
 
 def read_grid(message: Any, source: str = "map") -> OccupancyGrid:
-    """Return the grid of a nav_msgs/OccupancyGrid; its cells are copied.
-
-    InputError, whose sentence begins with `source`, for everything Nav2 refuses too.
-    """
+    """Return the grid of a message, its cells copied; InputError for what Nav2 refuses, too."""
     info, origin = message.info, message.info.origin
-    at, rotation = origin.position, origin.orientation
     return OccupancyGrid.checked(
         read_array(message.data, np.int8),
         width=int(info.width),
         height=int(info.height),
         resolution_m=float(info.resolution),
-        origin_xyz_m=(at.x, at.y, at.z),
-        origin_rotation_xyzw=(rotation.x, rotation.y, rotation.z, rotation.w),
+        origin_xyz_m=read_vector(origin.position),
+        origin_rotation_xyzw=read_quaternion(origin.orientation),
         frame_id=str(message.header.frame_id).lstrip("/"),
         stamp_ns=read_time(message.header.stamp),
         source=source,
@@ -39,19 +35,16 @@ def read_grid(message: Any, source: str = "map") -> OccupancyGrid:
 
 
 _RESOLUTION_AND_SIZE: Final = Struct("<f2I")
-_POSE: Final = Struct("<7d")
 _RECTANGLE: Final = Struct("<2i2I")
-_NO_TIME_NS: Final = 0
 
 
 def encode_grid(grid: OccupancyGrid) -> bytes:
     """Return a nav_msgs/OccupancyGrid, whose map has no load time."""
-    origin = grid.origin
     writer = CdrWriter()
     writer.header(grid.frame_id, grid.stamp_ns)
-    writer.time(_NO_TIME_NS)
+    writer.time(0)
     writer.pack(_RESOLUTION_AND_SIZE, 4, grid.resolution_m, grid.width, grid.height)
-    writer.pack(_POSE, 8, *origin.translation_m.tolist(), *origin.rotation_xyzw.tolist())
+    writer.pose(grid.origin)
     writer.count(grid.cells.size)
     return b"".join((writer.message(), np.ascontiguousarray(grid.cells).data))
 

@@ -22,22 +22,19 @@ from are_ros.builder.sensors.sensor_path import MakeReading, Reading, ReleasedRe
 from are_ros.messages.cdr import CdrWriter
 from are_ros.messages.common import read_array, read_time
 from are_ros.messages.images.colour import (
-    encode_boxes,
     encode_colour,
     encode_mask,
     encode_truth,
     read_colour,
 )
 from are_ros.messages.images.depth import encode_depth, read_depth
+from are_ros.messages.images.detections import encode_boxes
 from are_ros.messages.images.image import camera_info_topic, encode_camera_info, transport_of
 from are_ros.parameters.model import SensorsParameters
 
 
 def read_scan(message: Any, source: str = "scan") -> LaserScan:
-    """Return the scan of a message; ranges and intensities are views of its data.
-
-    InputError, whose sentence begins with `source`, as `LaserScan.checked`.
-    """
+    """Return the scan of a message, whose data are viewed; InputError as `LaserScan.checked`."""
     return LaserScan(
         frame_id=str(message.header.frame_id).lstrip("/"),
         stamp_ns=read_time(message.header.stamp),
@@ -111,10 +108,7 @@ def encode_range(reading: RangeReading) -> bytes:
 
 
 def read_cloud(message: Any, source: str = "points") -> PointCloud:
-    """Return the cloud of a sensor_msgs/PointCloud2; its data are viewed, not copied.
-
-    InputError, whose sentence begins with `source`, as `PointCloud.checked`.
-    """
+    """Return the cloud of a message, whose data are viewed; InputError as `PointCloud.checked`."""
     fields = [
         CloudField(str(one.name), int(one.offset), int(one.datatype), int(one.count))
         for one in message.fields
@@ -132,15 +126,13 @@ def read_cloud(message: Any, source: str = "points") -> PointCloud:
     )
 
 
-_SIZE: Final = Struct("<2I")
-
-
 def encode_cloud(cloud: PointCloud) -> bytes:
     """Return a sensor_msgs/PointCloud2."""
     height, row_step = cloud.data.shape
     writer = CdrWriter()
     writer.header(cloud.frame_id, cloud.stamp_ns)
-    writer.pack(_SIZE, 4, height, cloud.width)
+    writer.count(height)
+    writer.count(cloud.width)
     writer.count(len(cloud.fields))
     for name, offset, datatype, numbers in cloud.fields:
         writer.text(name)
@@ -148,7 +140,8 @@ def encode_cloud(cloud: PointCloud) -> bytes:
         writer.byte(datatype)
         writer.count(numbers)
     writer.byte(cloud.is_bigendian)
-    writer.pack(_SIZE, 4, cloud.point_step, row_step)
+    writer.count(cloud.point_step)
+    writer.count(row_step)
     writer.count(cloud.data.size)
     # joined once: a large cloud's bytes are copied once
     data = np.ascontiguousarray(cloud.data).data
@@ -283,12 +276,6 @@ _TRUTH: Final = TruthTopic("truth", "are_msgs/msg/ImageTruth", encode_truth)
 _BOXES: Final = TruthTopic("boxes", "vision_msgs/msg/Detection2DArray", encode_boxes)
 
 
-def truth_topics(sensors: SensorsParameters) -> tuple[TruthTopic, ...]:
-    """Return the topics beside each painted image that the parameters ask for."""
-    masks = (_MASK,) if sensors.masks else ()
-    return (*masks, _TRUTH, _BOXES) if sensors.boxes else masks
-
-
 OUTPUT_TYPES: Final = frozenset(
     (
         *(name for kind in SENSORS.values() for name in kind.type_names),
@@ -346,8 +333,10 @@ class SensorOutputs:
         self._infos = {topic: camera_info_topic(self.names[topic]) for topic in lens_topics(roles)}
         self.types = {name: self._kinds[topic].type_of(topic) for topic, name in self.names.items()}
         self.types |= dict.fromkeys(self._infos.values(), CAMERA_INFO_TYPE)
+        asked = [_MASK] if sensors.masks else []
+        asked += [_TRUTH, _BOXES] if sensors.boxes else []
         self._truths = {
-            topic: [(f"{self.names[topic]}/{one.suffix}", one) for one in truth_topics(sensors)]
+            topic: [(f"{self.names[topic]}/{one.suffix}", one) for one in asked]
             for topic, kind in self._kinds.items()
             if kind.role == "image"
         }

@@ -7,10 +7,7 @@ from typing import Any, NamedTuple
 
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.cdr import CdrWriter
-from are_ros.messages.common import (
-    read_time,
-    read_vector,
-)
+from are_ros.messages.common import read_quaternion, read_time, read_vector
 
 
 class StampedTransform(NamedTuple):
@@ -28,19 +25,16 @@ class StampedTransform(NamedTuple):
 
 def read_transforms(message: Any) -> list[StampedTransform]:
     """Return the transforms of a TFMessage in their order."""
-    return [_read_transform(stamped) for stamped in message.transforms]
-
-
-def _read_transform(stamped: Any) -> StampedTransform:
-    header, transform = stamped.header, stamped.transform
-    shift, turn = transform.translation, transform.rotation
-    return StampedTransform(
-        header.frame_id,
-        stamped.child_frame_id,
-        read_time(header.stamp),
-        (shift.x, shift.y, shift.z),
-        (turn.x, turn.y, turn.z, turn.w),
-    )
+    return [
+        StampedTransform(
+            stamped.header.frame_id,
+            stamped.child_frame_id,
+            read_time(stamped.header.stamp),
+            read_vector(stamped.transform.translation),
+            read_quaternion(stamped.transform.rotation),
+        )
+        for stamped in message.transforms
+    ]
 
 
 # TFMessages and their bytes, without message objects: recordings hold tens of thousands of them.
@@ -116,16 +110,13 @@ def decode_transforms_ros1(data: bytes) -> list[StampedTransform]:
 
 
 def encode_transforms_cdr(transforms: Sequence[StampedTransform]) -> bytes:
-    """Return a ROS 2 TFMessage in little-endian XCDR1; struct.error for a stamp out of range.
-
-    InputError for a name with the character NUL in it.
-    """
+    """Return a ROS 2 TFMessage; struct.error for a stamp out of range, InputError for a NUL."""
     writer = CdrWriter()
     writer.count(len(transforms))
     for parent, child, stamp_ns, place, turn in transforms:
         writer.header(parent, stamp_ns)
         writer.text(child)
-        writer.pack(_POSE, 8, *place, *turn)
+        writer.doubles(*place, *turn)
     return writer.message()
 
 
@@ -143,11 +134,10 @@ class OdometryNumbers(NamedTuple):
 
 def read_odometry_numbers(message: Any) -> OdometryNumbers:
     """Return the numbers of a nav_msgs/Odometry, unchecked."""
-    header, pose = message.header, message.pose.pose
-    rotation = pose.orientation
+    pose = message.pose.pose
     return OdometryNumbers(
-        str(header.frame_id),
+        str(message.header.frame_id),
         str(message.child_frame_id),
-        read_time(header.stamp),
-        (*read_vector(pose.position), rotation.x, rotation.y, rotation.z, rotation.w),
+        read_time(message.header.stamp),
+        (*read_vector(pose.position), *read_quaternion(pose.orientation)),
     )

@@ -49,7 +49,7 @@ class PlayWindow:
         window = Window.of(reader, role_of_topic, options.start_s, options.duration_s)
         times = RecordedTimes.read(reader, role_of_topic, window.start_ns, window.stop_ns)
         clock = BagClock.of(times)
-        gaps = stretches_of(times, clock, window.start_ns, window.stop_ns, reader.files).gaps
+        gaps = stretches_of(times, clock, window.start_ns, window.stop_ns).gaps
         lasting = frozenset(t for t, role in role_of_topic.items() if role in _LASTING_ROLES)
         return cls(reader, clock, window, lasting, sum(gap.length_ns for gap in gaps))
 

@@ -15,7 +15,7 @@ from rosgraph_msgs.msg import Clock
 
 from are_ros.bag.reader import BagMessage, BagReader, BagTopic
 from are_ros.bag.roles import slashed
-from are_ros.bag.types import as_ros2, ros2_type
+from are_ros.bag.types import ros2_type
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, NodeError
 from are_ros.node.message_classes import message_class
@@ -110,11 +110,10 @@ class PlayedTopics:
             return
         if self._reader.is_ros1:
             try:
-                original = self._reader.deserialize(message)
+                data = self._reader.as_ros2(message)
             except AreError as cause:
                 self.skipped[topic] = str(cause)
                 return
-            data = as_ros2(original, ros2_type(recorded.type_name))
         else:
             data = bytes(message.data)
         self.publishers[topic].publish(data)

@@ -1,6 +1,6 @@
 """The commands of `are` that read recordings; `say` and `echo` print their text."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -9,7 +9,7 @@ from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.agents.robots import WITHOUT_STAMP
 from are_ros.bag.reader import BagReader, recording_in
 from are_ros.bag.recording import find_recording
-from are_ros.bag.roles import read_overrides, sensors_of
+from are_ros.bag.roles import OCTOMAP, read_overrides, sensors_of
 from are_ros.builder.assembly import catalogue_of, parse_static_transforms, replaced_statics
 from are_ros.builder.sensors.sensor_path import CLOCKS_DIFFER, SensorPathCounts
 from are_ros.builder.tick import Demand
@@ -37,10 +37,9 @@ from are_ros.replay.pictures import (
     plot_decisions,
     plot_population,
 )
-from are_ros.replay.progress import ProgressBar
+from are_ros.replay.progress import ProgressBar, Say
 from are_ros.replay.results import (
     Content,
-    ReplayCounts,
     metrics_content,
     summary_lines,
     timing_content,
@@ -52,11 +51,8 @@ from are_ros.replay.timeline import ReplayOptions
 from are_ros.wording import counted, listed
 from are_ros.world.map_io import read_map_file
 
-Say = Callable[[str], None]
-
 _SHOWN: Final = 5
 _WAIT: Final = "sensors.tf_wait"
-_OCTOMAP_ROLE: Final = "octomap_point_cloud_centers"
 
 
 def effective_parameters(
@@ -142,14 +138,18 @@ def replay_command(say: Say, **options: Any) -> bool:
     try:
         said += write_replay_view(outcome, options["out"])
         if film is not None:
-            _animate(outcome, film, said.append)
+            threshold = replay.parameters.world.occupied_threshold
+            with outcome.stopwatch.phase("animation"):
+                animate(outcome.record, outcome.grid, film, threshold, said.append)
     except AreError as cause:
         is_filmed = False
         said.append(str(cause))
     finally:
+        timing = timing_content(outcome.record, outcome.stopwatch)
         with all_or_nothing(options["out"]):
-            write_json(options["out"] / TIMING, _timing(outcome))
-        for line in [*summary(outcome, options["out"]), *said, *complaints(outcome)]:
+            write_json(options["out"] / TIMING, timing)
+        summary = [*summary_lines(_metrics(outcome), timing), f"results in {options['out']}"]
+        for line in [*summary, *said, *complaints(outcome)]:
             say(line)
     problems = outcome.refusals.counts, outcome.camera_problem, outcome.cloud_problem
     return is_filmed and not any(problems) and not any(map(_is_bare, outcome.scans.values()))
@@ -182,38 +182,22 @@ def write_replay_view(outcome: Outcome, folder: Path) -> list[str]:
     """
     if not has_viser():
         return [MISSING_VISER]
-    views = outcome.record.views
     with outcome.stopwatch.phase("view"):
-        parameters, camera = outcome.options.parameters, views[-1] if views else None
+        parameters, views = outcome.options.parameters, outcome.record.views
+        camera = views[-1] if views else None
         place = place_of(parameters, outcome.grid, outcome.voxels, camera)
         title = outcome.options.bags[0].stem
         return [write_view(folder / VIEW, place, outcome.record, title).sentence()]
-
-
-def summary(outcome: Outcome, folder: Path) -> list[str]:
-    """Return the summary, and where the results are."""
-    return [*summary_lines(_metrics(outcome), _timing(outcome)), f"results in {folder}"]
-
-
-def _animate(outcome: Outcome, film: Path, say: Say) -> None:
-    """Write the animation, a phase of its own in timing.json. Raises BagError."""
-    threshold = outcome.options.parameters.world.occupied_threshold
-    with outcome.stopwatch.phase("animation"):
-        animate(outcome.record, outcome.grid, film, threshold, say)
 
 
 def _metrics(outcome: Outcome) -> Content:
     readings: dict[str, dict[str, SensorPathCounts]] = {role: {} for role in SENSORS}
     for topic, of_topic in outcome.scans.items():
         readings[outcome.role_of_topic[topic]][topic] = of_topic
-    counts = ReplayCounts(readings, outcome.refusals.counts, outcome.messages_written)
-    has_octomap = outcome.options.octomap_file or _OCTOMAP_ROLE in outcome.role_of_topic.values()
+    refused, written = outcome.refusals.counts, outcome.messages_written
+    has_octomap = outcome.options.octomap_file or OCTOMAP in outcome.role_of_topic.values()
     walls = "octomap" if has_octomap else "map"
-    return {**metrics_content(outcome.record, counts), "walls": walls}
-
-
-def _timing(outcome: Outcome) -> Content:
-    return timing_content(outcome.record, outcome.stopwatch)
+    return {**metrics_content(outcome.record, readings, refused, written), "walls": walls}
 
 
 def complaints(outcome: Outcome) -> list[str]:

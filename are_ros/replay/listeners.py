@@ -1,14 +1,13 @@
 """Listeners of a replay: they write the recording, keep the record, and check the map."""
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from struct import error as StructError  # noqa: N812
 from typing import Final
 
 from are_ros.agents.robots import TOO_OLD
 from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.recording import PREFIX
-from are_ros.bag.types import OCTOMAP_TYPE, as_ros2, ros2_type
+from are_ros.bag.roles import OCTOMAP
+from are_ros.bag.types import OCTOMAP_TYPE, ros2_type
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.sensors.laser_scan import LaserScan
@@ -71,8 +70,7 @@ class TickWriter(Listener):
 # The inputs of a replay, with `--with-inputs`.
 
 
-_LATCHED_ROLES = ("map", "octomap_point_cloud_centers", "tf_static")
-_TRANSFORMS = "tf2_msgs/msg/TFMessage"
+_LATCHED_ROLES = ("map", OCTOMAP, "tf_static")
 
 
 class InputCopy(Listener):
@@ -106,7 +104,7 @@ class InputCopy(Listener):
             self._writer.write_raw(message.topic, received_ns, message.data)
             return
         try:
-            data = self._as_ros2(message)
+            data = self._reader.as_ros2(message)
         except AreError:
             return
         self._writer.write_raw(message.topic, received_ns, data)
@@ -121,14 +119,6 @@ class InputCopy(Listener):
             return
         self.write_cloud(centres_m, frame_id, received_ns, stamp_ns)
 
-    def _as_ros2(self, message: BagMessage) -> bytes:
-        """Return the bytes of a ROS 1 message as ROS 2 has them. Raises InputError, BagError."""
-        type_name = self._types[message.topic]
-        if type_name == _TRANSFORMS:
-            with suppress(StructError):  # a stamp that ROS 2 has not: let the general way complain
-                return encode_transforms_cdr(self._reader.transforms(message))
-        return as_ros2(self._reader.deserialize(message), type_name)
-
     def write_map(self, topic: str, grid: OccupancyGrid, now_ns: int) -> None:
         """Append the map that came from a file, once."""
         self._write_latched(topic, "nav_msgs/msg/OccupancyGrid", 1, now_ns, encode_grid(grid))
@@ -137,7 +127,7 @@ class InputCopy(Listener):
         self, centres_m: Points, frame_id: str, now_ns: int, stamp_ns: int | None = None
     ) -> None:
         """Append voxels (N, 3) [m]; their stamp is the present time unless given."""
-        topic, kind = "/octomap_point_cloud_centers", "sensor_msgs/msg/PointCloud2"
+        topic, kind = f"/{OCTOMAP}", "sensor_msgs/msg/PointCloud2"
         data = encode_cloud(
             PointCloud.of_points(frame_id, now_ns if stamp_ns is None else stamp_ns, centres_m)
         )
@@ -146,7 +136,7 @@ class InputCopy(Listener):
     def write_static(self, transforms: list[StampedTransform], now_ns: int) -> None:
         """Append the static transforms that were given as parameters."""
         data = encode_transforms_cdr(transforms)
-        self._write_latched("/tf_static", _TRANSFORMS, 100, now_ns, data)
+        self._write_latched("/tf_static", "tf2_msgs/msg/TFMessage", 100, now_ns, data)
 
     def _write_latched(
         self, topic: str, type_name: str, depth: int, now_ns: int, data: bytes

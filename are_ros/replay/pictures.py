@@ -26,14 +26,12 @@ from are_ros.draw.viewer import MISSING_VISER, ViewedPlace, has_viser, write_vie
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue
-from are_ros.replay.progress import KernelBar, ProgressBar
+from are_ros.replay.progress import KernelBar, ProgressBar, Say
 from are_ros.replay.recorded_scene import RecordedScene, read_recorded_scene
 from are_ros.wording import aligned, section, why_refused
 from are_ros.world.cameras import ViewModel
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.voxel_map import VoxelMap
-
-Say = Callable[[str], None]
 
 POPULATION: Final = "population.png"
 DECISIONS: Final = "decisions.png"

@@ -12,14 +12,18 @@ from tqdm import tqdm
 
 from are_ros.conventions import NS_PER_S
 
+Say = Callable[[str], None]
+"""Takes a sentence for the user."""
 Progress = Callable[[int], None]
 """Takes the time reached [ns]."""
+OpenProgress = Callable[[int, int], Progress]
+"""Takes the first and the last time [ns]; returns what takes the time reached."""
 
 _SLOW_S = 2.0
 
 
 @contextmanager
-def said_if_slow(say: Callable[[str], None], sentence: str) -> Iterator[None]:
+def said_if_slow(say: Say, sentence: str) -> Iterator[None]:
     """Say a sentence if the block is not over after two seconds."""
     timer = threading.Timer(_SLOW_S, say, (sentence,))
     timer.start()

@@ -1,8 +1,10 @@
 """Frames, robot and camera of a recording, as the node finds them: by tf, odometry, parameters."""
 
 from contextlib import suppress
-from typing import Any
+from typing import Any, Final
 
+from are_ros.bag.reader import BagMessage, BagReader
+from are_ros.bag.roles import CAMERA
 from are_ros.builder.assembly import (
     chosen_camera,
     default_camera,
@@ -12,7 +14,7 @@ from are_ros.builder.assembly import (
 )
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import CameraAt
-from are_ros.errors import FrameError
+from are_ros.errors import FrameError, InputError
 from are_ros.messages.common import read_header
 from are_ros.messages.images.image import read_camera_info
 from are_ros.messages.transforms import OdometryNumbers, StampedTransform
@@ -21,6 +23,9 @@ from are_ros.parameters.model import Parameters
 from are_ros.world.cameras import Camera
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.transforms.tree import FrameTree
+
+FRAME_ROLES: Final = ("tf", "tf_static", "odom")
+ROBOT_ROLES: Final = (*FRAME_ROLES, CAMERA)
 
 
 class RecordedFrames:
@@ -38,6 +43,15 @@ class RecordedFrames:
     def base_frame(self) -> str:
         """Return the frame of odometry messages without a child frame."""
         return self._parameters.frames.base
+
+    def take_message(self, reader: BagReader, message: BagMessage, role: str) -> None:
+        """Take a message of tf, tf_static or odom; a malformed one is left out."""
+        with suppress(InputError):  # a replay counts it, and goes on
+            if role == "odom":
+                self.take_odometry(reader.odometry(message))
+                return
+            for transform in reader.transforms(message):
+                self.take_transform(transform, is_static=role == "tf_static")
 
     def take_transform(self, transform: StampedTransform, *, is_static: bool) -> None:
         """Take one of /tf or /tf_static."""
@@ -77,15 +91,13 @@ class RecordedRobot(RecordedFrames):
 
     def take(self, role: str, value: Any) -> None:
         """Take a value of `bag.decoded` by its role: tf, tf_static, odom or camera/camera_info."""
-        if role == "camera/camera_info":
+        if role == CAMERA:
             self.take_camera(value.message)
         elif role == "odom":
-            self.take_odometry(OdometryNumbers(*value.sample))
+            self.take_odometry(value.numbers)
         else:
-            for parent, child, stamp_ns, (x, y, z, *turn) in value.samples:
-                rotation = (turn[0], turn[1], turn[2], turn[3])
-                stamped = StampedTransform(parent, child, stamp_ns, (x, y, z), rotation)
-                self.take_transform(stamped, is_static=role == "tf_static")
+            for transform in value.samples:
+                self.take_transform(transform, is_static=role == "tf_static")
 
     def take_camera(self, message: Any, number: int = 0) -> None:
         """Take a CameraInfo of the first camera, or of that number of `camera.others` (from 1).

@@ -13,7 +13,7 @@ import numpy as np
 from are_ros.agents.events import ArtefactEvent, EventKind, SceneMetrics
 from are_ros.bag.decoded import Event, Grid, Metrics, Perceived, Scene
 from are_ros.bag.recording import PREFIX, Recording, find_recording
-from are_ros.bag.roles import find_roles, slashed
+from are_ros.bag.roles import CAMERA, OCTOMAP, find_roles, slashed
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.draw.scene import ArtefactAt, Moment, ScanPoints, SceneRecord, scan_points
 from are_ros.errors import AreError, BagError, InputError
@@ -21,26 +21,22 @@ from are_ros.messages.common import read_header
 from are_ros.messages.maps import read_voxels
 from are_ros.messages.sensors import read_scan
 from are_ros.parameters.model import Parameters
-from are_ros.parameters.ros_yaml import with_file
 from are_ros.population.artefact import GroundPose
 from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.population.meshes.shapes import Shape
-from are_ros.replay.progress import Progress
-from are_ros.replay.recorded_frames import RecordedRobot
+from are_ros.replay.progress import OpenProgress
+from are_ros.replay.recorded_frames import ROBOT_ROLES, RecordedRobot
 from are_ros.replay.scene_record import SceneRecorder
 from are_ros.world.cameras import Camera, ViewModel
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.transforms.tree import FrameTree
 from are_ros.world.voxel_map import VoxelMap
 
-OpenProgress = Callable[[int, int], Progress]
 Keep = Callable[[Moment, Camera | None], None]
 
 SCAN, AUGMENTED_SCAN = "scan", "augmented_scan"
 """The roles of scans as the laser gave them, and as the node gave them out."""
-CLOUD: Final = "octomap_point_cloud_centers"
-_ROBOT_ROLES: Final = ("tf", "tf_static", "odom", "camera/camera_info")
-_ROLES: Final = (*_ROBOT_ROLES, "map")
+_ROLES: Final = (*ROBOT_ROLES, "map")
 _OUTPUTS: Final = ("artefacts", "perceived", "events", "metrics")
 _AUGMENTED: Final = "augmented_map"
 _OTHER_CAMERA: Final = "other_camera_info/"
@@ -83,21 +79,15 @@ def read_recorded_scene(
     effective.yaml.
     """
     found = find_recording(path)
-    parameters = Parameters()
-    if found.parameters is not None:
-        parameters = with_file(parameters, found.parameters)
+    parameters = found.effective()
     recorder = SceneRecorder(parameters, Catalogue(()))
     with Recording(found) as recording:
         cameras = {slashed(name): role for name, role in other_camera_roles(parameters).items()}
         roles = _topics(recording, cameras, with_scans=with_scans)
-        has_camera_info = "camera/camera_info" in roles.values()
+        has_camera_info = CAMERA in roles.values()
         reader = SceneReader(parameters, recorder.keep, has_camera_info=has_camera_info)
-        start_ns, end_ns = recording.span_ns
-        progress = open_progress(start_ns, end_ns)
-        for message in recording.in_log_order(roles):
+        for message in recording.in_log_order(roles, open_progress):
             reader.take(roles[message.topic], recording.decode(message))
-            progress(message.log_ns)
-        progress(end_ns)
     reader.finish()
     record, grid = recorder.record(), reader.grid
     if not len(record.series.stamps_ns):
@@ -122,7 +112,7 @@ def _topics(
     """Return the role of each topic that is read; `cameras` are those of other cameras."""
     types = recording.types
     roles = find_roles([topic for topic in recording.topics if topic.name not in cameras], {})
-    chosen = roles.by_topic((*_ROLES, CLOUD))
+    chosen = roles.by_topic((*_ROLES, OCTOMAP))
     if with_scans:
         for topic, type_name in types.items():
             if type_name == _SCAN_TYPE:
@@ -161,10 +151,10 @@ class SceneReader:
             "perceived": self._take_perceived,
             "events": self._take_event,
             "metrics": self._take_metrics,
-            **{role: partial(self._robot.take, role) for role in _ROBOT_ROLES},
+            **{role: partial(self._robot.take, role) for role in ROBOT_ROLES},
             "map": self._take_map,
             _AUGMENTED: self._take_augmented,
-            CLOUD: self._take_cloud,
+            OCTOMAP: self._take_cloud,
             SCAN: partial(_remember, self._scans.inputs),
             AUGMENTED_SCAN: partial(_remember, self._scans.outputs),
             **{
@@ -200,11 +190,11 @@ class SceneReader:
         if self._cloud is None:
             return None
         try:
-            points_m, size_m = read_voxels(self._cloud, CLOUD)
-            frame, map_frame = read_header(self._cloud, CLOUD).frame_id, self._parameters.frames.map
-            pose = self._robot.tree.lookup_latest(map_frame, frame)
+            points_m, size_m = read_voxels(self._cloud, OCTOMAP)
+            frame = read_header(self._cloud, OCTOMAP).frame_id
+            pose = self._robot.tree.lookup_latest(self._parameters.frames.map, frame)
             wanted_m = self._parameters.world.voxel_size or None
-            return VoxelMap.from_centres(points_m, size_m, pose, CLOUD, wanted_m)
+            return VoxelMap.from_centres(points_m, size_m, pose, OCTOMAP, wanted_m)
         except AreError as error:
             self.cloud_problem = f"the voxels are not shown: {error}"
             return None
@@ -238,8 +228,7 @@ class SceneReader:
         )
 
     def _take_metrics(self, metrics: Metrics) -> None:
-        fields = {name: getattr(metrics, name) for name in SceneMetrics.__dataclass_fields__}
-        self._metrics[metrics.stamp_ns] = SceneMetrics(**fields)
+        self._metrics[metrics.stamp_ns] = metrics
 
     def _take_map(self, value: Grid) -> None:
         grid = grid_of(value, "map")

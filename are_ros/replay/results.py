@@ -7,7 +7,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -35,22 +35,16 @@ _OTHER_PHASES = {
 }
 
 
-@dataclass(frozen=True)
-class ReplayCounts:
-    """The counts beside the scene, by topic: readings by outcome, messages refused and written.
-
-    `readings` are counted by role, as in `SENSORS`, and topic.
-    """
-
-    readings: Mapping[str, Mapping[str, SensorPathCounts]] = field(default_factory=dict)
-    refused: Mapping[str, int] = field(default_factory=dict)
-    written: Mapping[str, int] = field(default_factory=dict)
-
-
-def metrics_content(record: SceneRecord, counts: ReplayCounts) -> Content:
+def metrics_content(
+    record: SceneRecord,
+    readings: Mapping[str, Mapping[str, SensorPathCounts]],
+    refused: Mapping[str, int],
+    written: Mapping[str, int],
+) -> Content:
     """Return the content of metrics.json; times are seconds since the first tick.
 
-    Numbers that are not known are null. The same replay gives the same content.
+    `readings` are counted by role, as in `SENSORS`, and topic; messages `refused` and `written` by
+    topic. Numbers that are not known are null. The same replay gives the same content.
     """
     series = record.series
     return {
@@ -65,9 +59,9 @@ def metrics_content(record: SceneRecord, counts: ReplayCounts) -> Content:
         "perceived_ever": sum(life.is_perceived for life in record.lives),
         "clutter_ratio": _mean_and_max(series.clutter_ratio),
         "classes": _classes(record.lives),
-        **_readings(counts.readings),
-        "refused": {topic: counts.refused[topic] for topic in sorted(counts.refused)},
-        "written": {topic: counts.written[topic] for topic in sorted(counts.written)},
+        **_readings(readings),
+        "refused": dict(sorted(refused.items())),
+        "written": dict(sorted(written.items())),
         "lives": [_life(record, life) for life in record.lives],
     }
 

@@ -56,7 +56,6 @@ class Replay:
         self._skipped_ns = 0
         self._reader = reader
         self._builder = builder
-        reader.learn_types(self.role_of_topic)
         roles = self.role_of_topic.items()
         reader.expect({topic: ROLE_TYPES[role] for topic, role in roles if role in ROLE_TYPES})
         self._stopwatch = stopwatch

@@ -4,17 +4,14 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros.agents.robots import TOO_OLD, WITHOUT_STAMP
-from are_ros.agents.scenario_recorder import ScenarioRecorder
 from are_ros.bag.reader import BagReader
-from are_ros.bag.roles import OCTOMAP, RolesFound, find_roles
-from are_ros.bag.stretches import needed_wait_s
+from are_ros.bag.roles import CAMERA, OCTOMAP, RolesFound, find_roles
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import catalogue_of, parse_static_transforms
@@ -34,7 +31,7 @@ from are_ros.parameters.model import Parameters
 from are_ros.parameters.validation import with_contact_policy
 from are_ros.replay.listeners import SHARE, InputCopy, RecordKeeper, StandingWatch, TickWriter
 from are_ros.replay.output_folder import AUGMENTED, prepare_folder, prepare_scenario
-from are_ros.replay.progress import KernelBar, Progress, Stopwatch, said_if_slow
+from are_ros.replay.progress import KernelBar, OpenProgress, Say, Stopwatch, said_if_slow
 from are_ros.replay.results import REPLAY_PHASE
 from are_ros.replay.runner import Listener, Replay
 from are_ros.replay.scene_record import SceneRecorder
@@ -54,51 +51,6 @@ from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_files.octomap import read_voxel_file
 from are_ros.world.voxel_map import VoxelMap
 
-# Map and octomap from files beside the recording.
-
-
-@dataclass(frozen=True, eq=False)
-class MapFiles:
-    """The map and the octomap of files, None where there is none, both in the map's frame.
-
-    The cloud is points (N, 3) [m], the centres of voxels if their size [m] is known, from
-    `octomap_file`.
-    """
-
-    grid: OccupancyGrid | None
-    cloud: tuple[npt.NDArray[np.floating], float | None] | None
-    octomap_file: Path | None = None
-
-    @classmethod
-    def read(cls, options: ReplayOptions) -> "MapFiles":
-        """Read the files that the options name; MapError if one cannot be."""
-        frame_id, path = options.parameters.frames.map, options.octomap_file
-        wanted_m = options.parameters.world.voxel_size or None
-        return cls(
-            None if options.map_file is None else read_map_file(options.map_file, frame_id),
-            None if path is None else read_voxel_file(path, wanted_m),
-            path,
-        )
-
-    def feed(self, builder: ArBuilder, now_ns: int) -> None:
-        """Give map and cloud to the builder, as received at `now_ns`.
-
-        MapError, naming the file, where the voxels cannot be used.
-        """
-        if self.grid is not None:
-            builder.receive_map(self.grid, now_ns)
-        if self.cloud is not None:
-            centres_m, voxel_size_m = self.cloud
-            frame_id = builder.parameters.frames.map
-            try:
-                builder.receive_cloud(centres_m, frame_id, now_ns, voxel_size_m)
-            except InputError as cause:
-                reason = str(cause).removeprefix("voxel cloud: ")
-                raise MapError(f"{self.octomap_file}: {reason}") from cause
-        builder.prepare()
-
-
-_CAMERA_ROLE: Final = "camera/camera_info"
 _PREPARING: Final = "preparing the kernels (a minute or two the first time)"
 _TRANSFORM_ROLES: Final = ("tf", "tf_static", "odom")
 
@@ -109,8 +61,8 @@ _LINK_FROM_OPTICAL: Final = RigidTransform.from_xyz_ypr(
 )
 """The usual joint from a camera's body (x ahead, z up) to its optical frame."""
 
-Say = Callable[[str], None]
-OpenProgress = Callable[[int, int], Progress]
+Cloud = tuple[npt.NDArray[np.floating], float | None]
+"""Points (N, 3) [m], and the size [m] of the voxels whose centres they are, if known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,24 +100,22 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             roles = find_roles(reader.topics, options.topics)
             _say_what_is_missing(options, roles, say)
             timeline = Timeline.of(reader, options, roles)
-            history_s = options.parameters.poses.history
-            needed_s = needed_wait_s(timeline.waits, history_s)
-            options = _with_base(_with_wait(options, needed_s), timeline.base_frame)
+            options = _adapted(options, timeline)
             catalogue = catalogue_of(options.parameters)
             builder = ArBuilder(options.parameters, catalogue, options.demand)
             scenario = builder.lives.record_scenario() if options.save_scenario else None
             replay = Replay(reader, builder, options, timeline, stopwatch)
-            files = MapFiles.read(options)
+            grid, cloud = _read_files(options)
             if options.out is not None:
                 prepare_folder(options.out)
             if options.save_scenario is not None:
                 prepare_scenario(options.save_scenario)
             for sentence in timeline.sentences():
                 say(sentence)
-            if _CAMERA_ROLE in replay.role_of_topic.values():
+            if CAMERA in replay.role_of_topic.values():
                 builder.await_camera()
             elif options.parameters.camera.model is CameraModel.AUTO:
-                is_unclear = roles.to_choose((_CAMERA_ROLE,))
+                is_unclear = roles.to_choose((CAMERA,))
                 none_where = "is chosen" if is_unclear else "in the recording"
                 say(f"no camera {none_where}: {builder.use_default_camera()}")
             played = set(replay.role_of_topic.values())
@@ -176,18 +126,21 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             )
             with said_if_slow(say, _PREPARING), KernelBar() as bar:
                 warm_up(catalogue, needs, bar.is_wanted, bar.count)
-            files.feed(builder, replay.start_ns)
+            _feed_files(options, grid, cloud, builder, replay.start_ns)
         perceives = options.demand.perception
         recorder = SceneRecorder(options.parameters, catalogue, is_perceiving=perceives)
         keeper, standing = RecordKeeper(recorder, builder), StandingWatch(builder)
         with ExitStack() as stack:
-            writers, counts = _open_writers(stack, options, reader, replay, builder, files)
+            writers, counts = _open_writers(stack, options, reader, replay, builder, cloud)
             with stopwatch.phase(REPLAY_PHASE):
                 progress = open_progress(replay.start_ns, replay.start_ns + replay.length_ns)
                 replay.run([keeper, standing, *writers], progress)
             grid = _known_map(reader, builder, replay, roles)
-    if scenario is not None:
-        _save_scenario(options, scenario, say)
+    if scenario is not None and options.save_scenario is not None:
+        written_files = write_scenario(
+            scenario.scenario(options.save_scenario.stem), options.save_scenario
+        )
+        say(f"scenario     {', '.join(map(str, written_files))}")
     for notice in [*builder.notices, *builder.frames.drain_notices()]:
         say(notice)
     doubts = [
@@ -209,36 +162,55 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
         problem,
         _cloud_problem(builder),
         doubts,
-        needed_s,
+        timeline.needed_wait_s,
         replay.feed.refusals,
         counts(),
         stopwatch,
     )
 
 
-def _save_scenario(options: ReplayOptions, keeper: ScenarioRecorder, say: Say) -> None:
-    """Write the lives of the run as a scenario."""
-    path = options.save_scenario
-    if path is None:
-        return
-    written = write_scenario(keeper.scenario(path.stem), path)
-    say(f"scenario     {', '.join(str(file) for file in written)}")
+def _adapted(options: ReplayOptions, timeline: Timeline) -> ReplayOptions:
+    """Set the parameters that a recording tells.
+
+    `sensors.tf_wait` is the time that its scans need, unless the user has set it. `frames.base` is
+    the frame that takes the place of the usual one, if any.
+    """
+    values: dict[str, Any] = {}
+    if not options.is_wait_given and timeline.needed_wait_s > options.parameters.sensors.tf_wait:
+        values["sensors.tf_wait"] = timeline.needed_wait_s
+    if timeline.base_frame:
+        values["frames.base"] = timeline.base_frame
+    return replace(options, parameters=with_values(options.parameters, values))
 
 
-def _with_wait(options: ReplayOptions, needed_s: float) -> ReplayOptions:
-    """Set `sensors.tf_wait` to the time that the scans need, unless the user has set it."""
-    if options.is_wait_given or needed_s <= options.parameters.sensors.tf_wait:
-        return options
-    wait = {"sensors.tf_wait": needed_s}
-    return replace(options, parameters=with_values(options.parameters, wait))
+def _read_files(options: ReplayOptions) -> tuple[OccupancyGrid | None, Cloud | None]:
+    """Read map and octomap from the files that are given, both in the map's frame; MapError."""
+    world, grid, cloud = options.parameters.world, None, None
+    if options.map_file is not None:
+        grid = read_map_file(options.map_file, options.parameters.frames.map)
+    if options.octomap_file is not None:
+        cloud = read_voxel_file(options.octomap_file, world.voxel_size or None)
+    return grid, cloud
 
 
-def _with_base(options: ReplayOptions, base_frame: str) -> ReplayOptions:
-    """Set `frames.base` to the frame that the recording calls so, "" for none."""
-    if not base_frame:
-        return options
-    base = {"frames.base": base_frame}
-    return replace(options, parameters=with_values(options.parameters, base))
+def _feed_files(
+    options: ReplayOptions,
+    grid: OccupancyGrid | None,
+    cloud: Cloud | None,
+    builder: ArBuilder,
+    now_ns: int,
+) -> None:
+    """Give map and octomap to the builder; MapError, naming the file, for bad voxels."""
+    if grid is not None:
+        builder.receive_map(grid, now_ns)
+    if cloud is not None:
+        centres_m, size_m = cloud
+        try:
+            builder.receive_cloud(centres_m, options.parameters.frames.map, now_ns, size_m)
+        except InputError as cause:
+            reason = str(cause).removeprefix("voxel cloud: ")
+            raise MapError(f"{options.octomap_file}: {reason}") from cause
+    builder.prepare()
 
 
 def _say_what_is_missing(options: ReplayOptions, roles: RolesFound, say: Say) -> None:
@@ -258,7 +230,7 @@ def _open_writers(
     reader: BagReader,
     replay: Replay,
     builder: ArBuilder,
-    files: MapFiles,
+    cloud: Cloud | None,
 ) -> tuple[Sequence[Listener], Callable[[], Mapping[str, int]]]:
     """Return the listeners that write the recording, and a callable with their counts."""
     if options.out is None:
@@ -276,8 +248,8 @@ def _open_writers(
     copy = InputCopy(reader, writer, replay.role_of_topic)
     if options.map_file is not None and builder.world.grid is not None:
         copy.write_map("/map", builder.world.grid, replay.start_ns)
-    if files.cloud is not None:
-        copy.write_cloud(files.cloud[0], options.parameters.frames.map, replay.start_ns)
+    if cloud is not None:
+        copy.write_cloud(cloud[0], options.parameters.frames.map, replay.start_ns)
     if statics := _static_transforms(options.parameters, replay.start_ns):
         copy.write_static(statics, replay.start_ns)
     return (outputs, copy), writer.counts
@@ -357,7 +329,7 @@ def _camera_problem(
         return ""
     topic = _camera_topic(replay)
     if builder.camera is None:
-        why = _refused(replay, (_CAMERA_ROLE,)) or f"none came on {topic} in this time"
+        why = _refused(replay, (CAMERA,)) or f"none came on {topic} in this time"
         return f"no usable CameraInfo was received ({why}); {WITHOUT_CAMERA_INFO}"
     if keeper.camera_since_ns is None:
         return f"the first CameraInfo of {topic} came after the last tick; {WITHOUT_CAMERA_INFO}"
@@ -439,7 +411,7 @@ def _pose_in(builder: ArBuilder, parent: str, child: str) -> npt.NDArray[np.floa
 
 def _camera_topic(replay: Replay) -> str:
     roles = replay.role_of_topic.items()
-    return next((topic for topic, role in roles if role == _CAMERA_ROLE), _CAMERA_ROLE)
+    return next((topic for topic, role in roles if role == CAMERA), CAMERA)
 
 
 def _octomap(builder: ArBuilder) -> VoxelMap | None:

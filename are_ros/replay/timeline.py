@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from are_ros.bag.clock import BASE_FRAMES, BagClock, Ints, RecordedTimes, base_frame_of
+from are_ros.bag.clock import BASE_FRAMES, BagClock, RecordedTimes, base_frame_of
 from are_ros.bag.reader import BagReader
-from are_ros.bag.roles import RolesFound, slashed
-from are_ros.bag.stretches import Stretches, Window, scan_waits, stretches_of
+from are_ros.bag.roles import CAMERA, OCTOMAP, RolesFound, slashed
+from are_ros.bag.stretches import Stretches, Window, needed_wait_s, scan_waits, stretches_of
 from are_ros.builder.assembly import parse_static_transform
 from are_ros.builder.tick import Demand
 from are_ros.conventions import NS_PER_S
@@ -18,7 +18,7 @@ from are_ros.messages.sensors import CAMERA_INFO, CAMERA_INFO_TYPE, SENSORS, Sen
 from are_ros.parameters.model import Parameters, SensorsParameters
 from are_ros.wording import duration_text
 
-_HELD: Final = ("map", "octomap_point_cloud_centers", "camera/camera_info", "tf", "tf_static")
+_HELD: Final = ("map", OCTOMAP, CAMERA, "tf", "tf_static")
 FED_BEFORE_START: Final = (*_HELD, OTHER_CAMERA, CAMERA_INFO)
 _READ_ROLES: Final = (*_HELD, "odom", *SENSORS, "plan")
 
@@ -61,8 +61,8 @@ class ReplayOptions:
 class Timeline:
     """The topics and times that a replay reads, known before the replay begins.
 
-    Nothing moves between the spans of `stretches`. `waits` tell how long scans wait for their
-    transforms [ns], by topic. `base_frame` is the robot's base where it has none of the usual
+    Nothing moves between the spans of `stretches`. `needed_wait_s` is the `sensors.tf_wait` that is
+    long enough for all scans. `base_frame` is the robot's base where it has none of the usual
     names, nor one that the parameters give; else it is empty. `image_frames` are the frames of
     images, the optical ones of their cameras.
     """
@@ -71,7 +71,7 @@ class Timeline:
     window: Window
     stretches: Stretches
     clock: BagClock
-    waits: Mapping[str, Ints]
+    needed_wait_s: float
     base_frame: str = ""
     image_frames: frozenset[str] = frozenset()
 
@@ -86,7 +86,7 @@ class Timeline:
         span = window.start_ns, window.stop_ns
         times = RecordedTimes.read(reader, role_of_topic, *span)
         clock = BagClock.of(times)
-        stretches = stretches_of(times, clock, *span, reader.files)
+        stretches = stretches_of(times, clock, *span)
         if not stretches.spans:
             length = duration_text(stretches.gaps[0].length_ns)
             raise BagError(
@@ -98,14 +98,16 @@ class Timeline:
             for topic, role in role_of_topic.items()
             if role in SENSORS and SENSORS[role].is_image
         }
-        given = [parse_static_transform(text)[:2] for text in options.parameters.frames.static]
+        settings = options.parameters
+        given = [parse_static_transform(text)[:2] for text in settings.frames.static]
+        waits = scan_waits(times, clock, settings.frames.map, given)
         return cls(
             role_of_topic=role_of_topic,
             window=window,
             stretches=stretches,
             clock=clock,
-            waits=scan_waits(times, clock, options.parameters.frames.map, given),
-            base_frame="" if options.parameters.frames.base else _unusual_base(times, given),
+            needed_wait_s=needed_wait_s(waits, settings.poses.history),
+            base_frame="" if settings.frames.base else _unusual_base(times, given),
             image_frames=frozenset(frames - {""}),
         )
 
@@ -130,11 +132,8 @@ def _unusual_base(times: RecordedTimes, given: Collection[tuple[str, str]]) -> s
 
 def topics_to_read(reader: BagReader, options: ReplayOptions, roles: RolesFound) -> dict[str, str]:
     """Return the role of each topic that the builder needs."""
-    chosen: dict[str, str] = {}
-    for role in _READ_ROLES:
-        topic = roles.topic(role)
-        if topic is not None and not _is_replaced(role, options):
-            chosen[topic] = role
+    by_file = {"map": options.map_file, OCTOMAP: options.octomap_file}
+    chosen = roles.by_topic(role for role in _READ_ROLES if by_file.get(role) is None)
     sensors = options.parameters.sensors
     for kind in SENSORS.values():
         if not kind.is_by_role(sensors):
@@ -159,12 +158,6 @@ def _other_cameras(reader: BagReader, options: ReplayOptions) -> list[str]:
                 f"camera.others: the recording has no CameraInfo '{name}'; it has: {known}"
             )
     return names
-
-
-def _is_replaced(role: str, options: ReplayOptions) -> bool:
-    """Return whether a file replaces a topic."""
-    by_file = {"map": options.map_file, "octomap_point_cloud_centers": options.octomap_file}
-    return by_file.get(role) is not None
 
 
 def _named_sensors(reader: BagReader, kind: SensorKind, parameters: SensorsParameters) -> list[str]:

@@ -1,12 +1,14 @@
 """Messages of a robot, made by the factory of either middleware: for recordings and tests."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.bag.types import jazzy_typestore
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.common import Header, Vector3
@@ -30,6 +32,53 @@ class MessageFactory(Protocol):
 
     def make(self, type_name: str, /, **fields: Any) -> Any:
         """Return a new message object of the type with the fields given."""
+
+
+_DEFAULTS: dict[str, Any] = {"string": "", "bool": False, "float32": 0.0, "float64": 0.0}
+_BASE, _NAME, _ARRAY = 1, 2, 3
+"""The node types of rosbags' field descriptions; the fourth is a sequence."""
+
+
+class RosbagsFactory:
+    """Makes message objects of rosbags; a field left out is zero, empty or unturned."""
+
+    def __init__(self, typestore: Any = None) -> None:
+        self._store = jazzy_typestore() if typestore is None else typestore
+        self._makers: dict[str, dict[str, Callable[[], Any]]] = {}
+
+    def make(self, type_name: str, /, **fields: Any) -> Any:
+        """Return a new message object; KeyError for a type, TypeError for a field of no such name.
+
+        Arrays are kept, not copied: change none before it is serialised.
+        """
+        makers = self._makers.get(type_name)
+        if makers is None:
+            makers = self._makers[type_name] = self._makers_of(type_name)
+        if len(fields) < len(makers):
+            fields = {name: make() for name, make in makers.items() if name not in fields} | fields
+        return self._store.types[type_name](**fields)
+
+    def _makers_of(self, type_name: str) -> dict[str, Callable[[], Any]]:
+        """Return what makes the default of each field."""
+        fields = self._store.fielddefs[type_name][1]
+        makers = {name: self._maker_of(description) for name, description in fields}
+        if type_name == "geometry_msgs/msg/Quaternion":
+            makers["w"] = partial(float, 1.0)
+        return makers
+
+    def _maker_of(self, description: tuple[int, Any]) -> Callable[[], Any]:
+        kind, detail = int(description[0]), description[1]
+        if kind == _BASE:
+            return lambda: _DEFAULTS.get(detail[0], 0)
+        if kind == _NAME:
+            return partial(self.make, detail)
+        (element_kind, element), count = detail
+        count = count if kind == _ARRAY else 0
+        if int(element_kind) == _BASE and element[0] != "string":
+            name = {"octet": "uint8", "byte": "uint8", "char": "uint8"}.get(element[0], element[0])
+            return partial(np.zeros, count, np.dtype(name))
+        element_maker = self._maker_of((int(element_kind), element))
+        return lambda: [element_maker() for _ in range(count)]
 
 
 def make_time(factory: MessageFactory, time_ns: int) -> Any:

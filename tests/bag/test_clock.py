@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from are_ros.bag.clock import BagClock, RecordedTimes, base_frame_of
 from are_ros.bag.reader import BagReader
-from are_ros.bag.types import RosbagsFactory
 from are_ros.conventions import NS_PER_S
+from bags.simulation.making import RosbagsFactory
 
 Records = Sequence[tuple[str, int, Any]]
 WriteBag = Callable[[Path, Records], Path]

@@ -12,10 +12,10 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 
 from are_ros.bag.reader import BagMessage, BagReader, BagTopic, _in_order
-from are_ros.bag.types import RosbagsFactory, jazzy_typestore
+from are_ros.bag.types import jazzy_typestore
 from are_ros.errors import BagError, InputError
 from are_ros.messages.transforms import StampedTransform
-from bags.simulation.making import make_transforms
+from bags.simulation.making import RosbagsFactory, make_transforms
 
 WriteBag = Callable[[Path, list[tuple[str, int, Any]]], Path]
 STRING = "std_msgs/msg/String"

@@ -285,6 +285,6 @@ def test_waits_that_no_scan_can_wait_for_are_told_apart() -> None:
     waits = np.array([0, S // 10, 2 * S])
     assert needed_wait_s({"/scan": waits}, 2.0) == 0.11
     assert needed_wait_s({"/scan": waits}, 4.0) == 2.01
-    said = wait_sentence("/scan", "scan", waits, 5, 0.2, 2.0)
+    said = wait_sentence("/scan", "scan", waits, 5)
     assert "1 of 5 scans get their transform after more than 1.5 s" in said
     assert "2 of 5 scans never get their transform" in said

@@ -9,7 +9,6 @@ from rosbags.interfaces import QosDurability, QosHistory, QosReliability
 from rosbags.rosbag2 import Reader as Ros2Reader
 
 from are_ros.bag.reader import BagReader, BagTopic
-from are_ros.bag.types import RosbagsFactory
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.markers import DELETE_ALL
 from are_ros.errors import BagError
@@ -17,7 +16,7 @@ from are_ros.messages.maps import read_grid
 from are_ros.messages.markers import MarkerEncoder
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
-from bags.simulation.making import make_grid
+from bags.simulation.making import RosbagsFactory, make_grid
 
 GRID, ARRAY = "nav_msgs/msg/OccupancyGrid", "are_msgs/msg/ArtefactArray"
 MARKERS = "visualization_msgs/msg/MarkerArray"

@@ -15,7 +15,7 @@ import pytest
 from mcap.reader import make_reader
 from numpy.typing import NDArray
 
-from are_ros.bag.types import RosbagsFactory, jazzy_typestore
+from are_ros.bag.types import jazzy_typestore
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.costmap.inflation import InflatedCostmap
 from are_ros.builder.costmap.registration import CellPatch, covered_cells, patch_changes
@@ -32,6 +32,7 @@ from are_ros.replay.command import check_command
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
+from bags.simulation.making import RosbagsFactory
 
 MS = 1_000_000
 START_NS = 1000 * NS_PER_S

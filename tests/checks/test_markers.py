@@ -9,8 +9,9 @@ import pytest
 
 from are_ros.bag import marker_decoding as kinds
 from are_ros.bag.marker_decoding import ADD, DELETE, DELETE_ALL, MarkerFields
-from are_ros.bag.types import RosbagsFactory, jazzy_typestore
+from are_ros.bag.types import jazzy_typestore
 from are_ros.checks.marker_rules import change_of
+from bags.simulation.making import RosbagsFactory
 
 NO_POINTS, NO_COLOURS = np.zeros((0, 3)), np.zeros((0, 4), np.float32)
 SECOND = 1_000_000_000

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from are_ros.bag.types import RosbagsFactory
+from bags.simulation.making import RosbagsFactory
 from tests.oracles.recorded import read_outputs
 from tests.replay.conftest import Records, RunAre, WriteBag
 from tests.replay.test_clouds import AUGMENTED, by_stamp, cloud_of

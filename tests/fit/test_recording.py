@@ -8,14 +8,13 @@ from typing import Any
 import pytest
 
 from are_ros.agents.events import EventKind
-from are_ros.bag.types import RosbagsFactory
 from are_ros.builder.files.catalogue_file import read_catalogue
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError, InputError
 from are_ros.fit.observed import ObservedRows, RowSpace, read_observed
 from are_ros.population.artefact import Origin
 from are_ros.population.scenario import FIRST_ADMITTED_ID
-from bags.simulation.making import make_header, make_time
+from bags.simulation.making import RosbagsFactory, make_header, make_time
 
 CATALOGUE = read_catalogue()
 SPACE = RowSpace.of(CATALOGUE)

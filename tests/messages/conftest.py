@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from are_ros.bag.types import RosbagsFactory, jazzy_typestore
+from are_ros.bag.types import jazzy_typestore
+from bags.simulation.making import RosbagsFactory
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from are_ros.agents.events import ArtefactState
-from are_ros.bag.types import RosbagsFactory, jazzy_typestore
+from are_ros.bag.types import jazzy_typestore
 from are_ros.builder.scene import Scene
 from are_ros.messages import artefacts as artefact_encoding
 from are_ros.messages.artefacts import ArtefactEncoder
@@ -18,6 +18,7 @@ from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistor
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.meshes.shapes import Shape
 from bags.simulation.making import (
+    RosbagsFactory,
     make_header,
     make_point,
     make_pose,

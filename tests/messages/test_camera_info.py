@@ -7,11 +7,10 @@ from typing import Any
 
 import pytest
 
-from are_ros.bag.types import RosbagsFactory
 from are_ros.messages.common import Header, read_header
 from are_ros.messages.images.image import encode_camera_info, read_camera_info
 from are_ros.world.cameras import CameraInfo
-from bags.simulation.making import make_camera_info
+from bags.simulation.making import RosbagsFactory, make_camera_info
 
 INFO = CameraInfo(
     640, 480, "plumb_bob", (0.1, -0.2, 0.0, 0.01, 0.0),

@@ -9,11 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import InputError
 from are_ros.messages.maps import read_points
 from are_ros.messages.sensors import encode_cloud, read_cloud
-from bags.simulation.making import make_cloud
+from bags.simulation.making import RosbagsFactory, make_cloud
 
 FACTORY = RosbagsFactory()
 

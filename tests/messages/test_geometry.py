@@ -1,8 +1,7 @@
 """Vectors and velocities of messages."""
 
-from are_ros.bag.types import RosbagsFactory
 from are_ros.messages.common import read_vector
-from bags.simulation.making import make_twist
+from bags.simulation.making import RosbagsFactory, make_twist
 
 
 def test_a_twist_holds_both_velocities(factory: RosbagsFactory) -> None:

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import InputError
 from are_ros.messages.goals import (
     StampedPoints,
@@ -15,7 +14,13 @@ from are_ros.messages.goals import (
     read_stamped_pose,
 )
 from are_ros.world.rigid_transform import RigidTransform
-from bags.simulation.making import make_clicked_point, make_header, make_path, make_pose
+from bags.simulation.making import (
+    RosbagsFactory,
+    make_clicked_point,
+    make_header,
+    make_path,
+    make_pose,
+)
 
 
 @pytest.mark.parametrize("count", [0, 1, 3])

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import InputError
 from are_ros.messages.maps import read_grid
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
-from bags.simulation.making import make_grid
+from bags.simulation.making import RosbagsFactory, make_grid
 
 CELLS = np.array([[-1, 0, 100], [50, 0, -1]], dtype=np.int8)
 

@@ -9,12 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.bag.types import RosbagsFactory
 from are_ros.builder.costmap.augmented_map import ChangedRectangle, GridUpdate
 from are_ros.messages.maps import encode_grid, encode_grid_update
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
-from bags.simulation.making import make_grid, make_header
+from bags.simulation.making import RosbagsFactory, make_grid, make_header
 
 FRAMES = st.sampled_from(["map", "m", "a_map", "Bühne"])
 STAMPS = st.integers(0, 2 * 10**18)

@@ -4,10 +4,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import InputError
 from are_ros.messages.common import read_header
-from bags.simulation.making import make_header
+from bags.simulation.making import RosbagsFactory, make_header
 
 
 def test_a_header_comes_back(factory: RosbagsFactory) -> None:

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.bag.types import RosbagsFactory
 from are_ros.builder.markers import (
     DELETE_ALL,
     NO_COLOURS,
@@ -23,7 +22,13 @@ from are_ros.builder.markers import (
 from are_ros.errors import InputError
 from are_ros.messages import markers as marker_encoding
 from are_ros.messages.markers import MarkerEncoder
-from bags.simulation.making import make_header, make_point, make_quaternion, make_vector
+from bags.simulation.making import (
+    RosbagsFactory,
+    make_header,
+    make_point,
+    make_quaternion,
+    make_vector,
+)
 
 ARRAY = "visualization_msgs/msg/MarkerArray"
 NOW_NS = 1_700_000_000_123_456_789
@@ -164,11 +169,11 @@ def test_a_look_is_encoded_once(monkeypatch: pytest.MonkeyPatch) -> None:
     for looks in ((one,), (one,), (two, one), (one, two), (two,)):
         encoder.encode("map", 0, posed(*looks))
     assert encoded == ["one", "two"]
-    assert len(encoder._blocks) == 2
+    assert len(encoder._tails) == 2
     encoder.encode("map", 0, NO_MARKERS)
     del one, two, looks
     gc.collect()
-    assert len(encoder._blocks) == 0
+    assert len(encoder._tails) == 0
 
 
 def test_a_message_given_out_does_not_change() -> None:

@@ -3,10 +3,9 @@
 from collections.abc import Callable
 from typing import Any
 
-from are_ros.bag.types import RosbagsFactory
 from are_ros.messages.transforms import OdometryNumbers, read_odometry_numbers
 from are_ros.world.rigid_transform import RigidTransform
-from bags.simulation.making import OdometryReading, make_odometry
+from bags.simulation.making import OdometryReading, RosbagsFactory, make_odometry
 
 POSE = RigidTransform.planar(1.0, 2.0, 0.5)
 READING = OdometryReading("odom", "", 9, POSE, (0.4, 0.0, 0.0), (0.0, 0.0, 0.1))

@@ -5,11 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import InputError
 from are_ros.messages.common import read_pose
 from are_ros.world.rigid_transform import RigidTransform
-from bags.simulation.making import make_pose
+from bags.simulation.making import RosbagsFactory, make_pose
 
 
 def test_a_pose_comes_back(factory: RosbagsFactory) -> None:

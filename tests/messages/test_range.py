@@ -6,10 +6,9 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.bag.types import RosbagsFactory
 from are_ros.builder.sensors.range_reading import RangeReading
 from are_ros.messages.sensors import encode_range, read_range
-from bags.simulation.making import make_header
+from bags.simulation.making import RosbagsFactory, make_header
 
 FLOATS = st.floats(width=32)
 READINGS = st.builds(

@@ -7,10 +7,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.bag.types import RosbagsFactory
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.messages.sensors import encode_scan
-from bags.simulation.making import make_scan
+from bags.simulation.making import RosbagsFactory, make_scan
 
 FLOATS = st.floats(width=32)
 RANGES = st.lists(FLOATS, max_size=5).map(lambda values: np.array(values, np.float32))

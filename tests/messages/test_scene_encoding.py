@@ -15,7 +15,7 @@ from are_ros.agents.events import (
     PredictedPath,
     SceneMetrics,
 )
-from are_ros.bag.types import RosbagsFactory, jazzy_typestore
+from are_ros.bag.types import jazzy_typestore
 from are_ros.messages.artefacts import (
     encode_event,
     encode_metrics,
@@ -23,7 +23,14 @@ from are_ros.messages.artefacts import (
     encode_predicted,
 )
 from are_ros.world.rigid_transform import RigidTransform
-from bags.simulation.making import make_header, make_pose, make_time, make_twist, make_vector
+from bags.simulation.making import (
+    RosbagsFactory,
+    make_header,
+    make_pose,
+    make_time,
+    make_twist,
+    make_vector,
+)
 
 Wire = Callable[[Any], bytes]
 Readings = Callable[[bytes, str], tuple[Any, Any]]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from are_ros.bag.types import RosbagsFactory, jazzy_typestore
+from are_ros.bag.types import jazzy_typestore
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.errors import InputError
 from are_ros.messages.sensors import (
@@ -21,7 +21,7 @@ from are_ros.messages.sensors import (
     sensor_outputs,
 )
 from are_ros.parameters.model import SensorsParameters
-from bags.simulation.making import make_scan
+from bags.simulation.making import RosbagsFactory, make_scan
 
 PROJECT = Path(__file__).resolve().parents[2]
 SCAN = LaserScan(

@@ -2,9 +2,8 @@
 
 import pytest
 
-from are_ros.bag.types import RosbagsFactory
 from are_ros.messages.common import read_time
-from bags.simulation.making import make_time
+from bags.simulation.making import RosbagsFactory, make_time
 
 
 @pytest.mark.parametrize("time_ns", [0, 1, 999_999_999, 1_000_000_000, 1_411_663_034_997_264_120])

@@ -7,14 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from are_ros.bag.types import RosbagsFactory, jazzy_typestore
+from are_ros.bag.types import jazzy_typestore
 from are_ros.messages.transforms import (
     ROS1_DIGEST,
     StampedTransform,
     decode_transforms_cdr,
     decode_transforms_ros1,
 )
-from bags.simulation.making import make_transforms
+from bags.simulation.making import RosbagsFactory, make_transforms
 
 TYPE = "tf2_msgs/msg/TFMessage"
 FACTORY = RosbagsFactory()

@@ -6,14 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.bag.types import RosbagsFactory, jazzy_typestore
+from are_ros.bag.types import jazzy_typestore
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.transforms import (
     StampedTransform,
     decode_transforms_cdr,
     encode_transforms_cdr,
 )
-from bags.simulation.making import make_transforms
+from bags.simulation.making import RosbagsFactory, make_transforms
 
 NAME = "tf2_msgs/msg/TFMessage"
 NUMBERS = st.floats(allow_nan=False)

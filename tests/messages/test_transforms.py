@@ -3,9 +3,8 @@
 from collections.abc import Callable
 from typing import Any
 
-from are_ros.bag.types import RosbagsFactory
 from are_ros.messages.transforms import StampedTransform, read_transforms
-from bags.simulation.making import make_transforms
+from bags.simulation.making import RosbagsFactory, make_transforms
 
 
 def test_transforms_come_back(factory: RosbagsFactory, over_the_wire: Callable[[Any], Any]) -> None:

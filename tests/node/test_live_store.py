@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import pytest
 
-from are_ros.bag.types import RosbagsFactory, jazzy_typestore
+from are_ros.bag.types import jazzy_typestore
 from are_ros.builder.files.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
 from are_ros.errors import InputError
 from are_ros.node.live_builder import Inbox, LiveBuilder
@@ -14,7 +14,7 @@ from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
-from bags.simulation.making import make_grid
+from bags.simulation.making import RosbagsFactory, make_grid
 
 GRID = "nav_msgs/msg/OccupancyGrid"
 NOW_NS = 1_000_000_000_000

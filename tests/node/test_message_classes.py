@@ -9,11 +9,11 @@ from tests.ros import NOT_SET_UP
 
 pytest.importorskip("rclpy", reason=NOT_SET_UP)
 
-from are_ros.bag.types import RosbagsFactory, jazzy_typestore, message_texts
+from are_ros.bag.types import jazzy_typestore, message_texts
 from are_ros.errors import NodeError
 from are_ros.node.message_classes import message_class, service_class
 from are_ros.node.qos import INPUTS
-from bags.simulation.making import make_header
+from bags.simulation.making import RosbagsFactory, make_header
 from tests.node.rclpy_factory import RclpyFactory
 
 

@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from are_ros.bag.types import RosbagsFactory, jazzy_typestore
+from are_ros.bag.types import jazzy_typestore
 from are_ros.bag.writer import BagWriter
 from are_ros.conventions import NS_PER_S
+from bags.simulation.making import RosbagsFactory
 from tests.ros import WAIT_S, nap, running_s
 
 START_NS = 1_700_000_000 * NS_PER_S + 3_000_000

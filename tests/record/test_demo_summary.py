@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from are_ros.agents.events import EventKind
-from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import BagError
 from are_ros.record.demo_summary import summary_of
+from bags.simulation.making import RosbagsFactory
 from tests.record.player_runs import write_messages
 
 FACTORY = RosbagsFactory()

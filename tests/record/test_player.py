@@ -11,9 +11,10 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
-from are_ros.bag.types import RosbagsFactory, jazzy_typestore
+from are_ros.bag.types import jazzy_typestore
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError, NodeError
+from bags.simulation.making import RosbagsFactory
 from tests.record.player_runs import (
     LISTENER,
     START_NS,

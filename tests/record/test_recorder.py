@@ -9,9 +9,10 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader as Ros2Reader
 
 from are_ros.bag.reader import BagReader
-from are_ros.bag.types import RosbagsFactory, jazzy_typestore
+from are_ros.bag.types import jazzy_typestore
 from are_ros.bag.writer import BagWriter
 from are_ros.errors import BagError, NodeError
+from bags.simulation.making import RosbagsFactory
 from tests.record.recorder_runs import recorded, recorded_data, recording
 from tests.ros import RosWorld, nap, running_s, wait_until
 

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from are_ros.bag.reader import BagReader
-from are_ros.bag.types import RosbagsFactory
 from are_ros.messages.maps import read_points
-from bags.simulation.making import make_cloud
+from bags.simulation.making import RosbagsFactory, make_cloud
 from tests.replay.conftest import MANY, Records, RunAre, WriteBag
 
 CLOUD, AUGMENTED = "/velodyne_points", "/ar_builder/points"

@@ -11,7 +11,6 @@ import pytest
 
 from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.bag.reader import recording_in
-from are_ros.bag.types import RosbagsFactory
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.sensors.sensor_path import SensorPathCounts
 from are_ros.builder.tick import Demand
@@ -28,7 +27,7 @@ from are_ros.replay.command import (
     refused_by_script,
 )
 from are_ros.replay.timeline import ReplayOptions
-from bags.simulation.making import make_transforms
+from bags.simulation.making import RosbagsFactory, make_transforms
 
 WriteBag = Callable[[Path, Sequence[tuple[str, int, Any]]], Path]
 RunAre = Callable[..., CompletedProcess[str]]

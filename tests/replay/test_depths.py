@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 
 from are_ros.bag.reader import BagReader
-from are_ros.bag.types import RosbagsFactory
+from bags.simulation.making import RosbagsFactory
 from tests.replay.conftest import MANY, Records, RunAre, WriteBag
 
 WIDTH, HEIGHT, PADDING = 80, 60, 6

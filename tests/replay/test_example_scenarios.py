@@ -33,7 +33,6 @@ def office() -> Environment:
     world = RealWorld(Parameters().world, "map", FrameTree(), [])
     topics = ("/map", "/octomap_point_cloud_centers")
     with BagReader((ROOT / "bags" / "sample_office.mcap",)) as reader:
-        reader.learn_types(topics)
         for message in reader.messages(topics):
             content = reader.deserialize(message)
             if message.topic == "/map":

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from are_ros.bag.reader import BagReader
-from are_ros.bag.types import RosbagsFactory
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import catalogue_of
 from are_ros.errors import InputError, InvalidTransformError
@@ -22,7 +21,7 @@ from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.world.transforms.tree import FrameTree
-from bags.simulation.making import make_transforms
+from bags.simulation.making import RosbagsFactory, make_transforms
 
 Records = Sequence[tuple[str, int, Any]]
 WriteBag = Callable[[Path, Records], Path]

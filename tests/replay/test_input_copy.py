@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from are_ros.bag.reader import BagReader
-from are_ros.bag.types import RosbagsFactory, converted, jazzy_typestore
+from are_ros.bag.types import jazzy_typestore
 from are_ros.bag.writer import BagWriter
 from are_ros.messages.transforms import StampedTransform
 from are_ros.replay.listeners import InputCopy
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
+from bags.simulation.making import RosbagsFactory
 
 Records = Sequence[tuple[str, int, Any]]
 WriteBag = Callable[[Path, Records], Path]
@@ -100,13 +101,24 @@ def test_what_came_by_option_is_written_once(
     assert (written.header.frame_id, written.child_frame_id) == ("earth", "odom")
 
 
-def test_ros1_fields_find_their_ros2_names(ros1_factory: RosbagsFactory) -> None:
-    """CameraInfo's upper-case fields are folded, seq is dropped, what is new has its default."""
-    numbers = np.arange(9, dtype=np.float64)
+def test_ros1_fields_find_their_ros2_names(
+    tmp_path: Path, write_bag: WriteBag, ros1_factory: RosbagsFactory
+) -> None:
+    """CameraInfo's upper-case fields are folded, seq is dropped, what is new is zero."""
+    k, p = np.arange(9, dtype=np.float64), np.arange(12, dtype=np.float64)
     header = ros1_factory.make("std_msgs/msg/Header", seq=7, frame_id="eye")
-    info = ros1_factory.make("sensor_msgs/msg/CameraInfo", header=header, width=4, K=numbers)
-    made = converted(info, "sensor_msgs/msg/CameraInfo")
-    assert (made.header.frame_id, made.width, made.k.tolist()) == ("eye", 4, numbers.tolist())
-    assert not hasattr(made.header, "seq")
-    path = ros1_factory.make("nav_msgs/msg/Path", poses=[])
-    assert converted(path, "nav_msgs/msg/Path").poses == []
+    info = ros1_factory.make(
+        "sensor_msgs/msg/CameraInfo", header=header, width=4, D=k[:5], K=k, R=k + 1.0, P=p
+    )
+    beam = ros1_factory.make("sensor_msgs/msg/Range", header=header, range=0.5)
+    source = write_bag(tmp_path / "in.bag", [("/info", 1, info), ("/range", 2, beam)])
+    store = jazzy_typestore()
+    with BagReader([source]) as reader:
+        made, ranged = (
+            store.deserialize_cdr(reader.as_ros2(message), message.connection.msgtype)
+            for message in reader.messages()
+        )
+    assert (made.header.frame_id, made.width) == ("eye", 4)
+    for field, values in (("d", k[:5]), ("k", k), ("r", k + 1.0), ("p", p)):
+        assert getattr(made, field).tolist() == values.tolist()
+    assert (ranged.range, ranged.variance) == (0.5, 0.0)

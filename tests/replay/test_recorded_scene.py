@@ -10,7 +10,7 @@ import pytest
 from are_ros.errors import BagError
 from are_ros.replay.pictures import draw_recording
 from are_ros.replay.recorded_scene import RecordedScene, read_recorded_scene
-from are_ros.replay.results import ReplayCounts, metrics_content
+from are_ros.replay.results import metrics_content
 from tests.replay.conftest import ReplaySample, RunAre
 
 
@@ -22,7 +22,7 @@ def test_it_is_the_scene_that_the_replay_kept(sample_replay: Path) -> None:
     """Lives, counts and events read from the recording are those of the replay's metrics."""
     scene = _scene(sample_replay)
     kept = json.loads((sample_replay / "metrics.json").read_text())
-    told = metrics_content(scene.record, ReplayCounts())
+    told = metrics_content(scene.record, {}, {}, {})
     for name in ("ticks", "duration_s", "arrivals", "displaced", "robot_contacts", "perceived"):
         assert told[name] == kept[name], name
     with_pose = {life.artefact_id for life in scene.record.lives if len(life.footprints)}

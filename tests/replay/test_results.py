@@ -3,6 +3,7 @@
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,6 @@ from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.meshes.shapes import Shape
 from are_ros.replay.progress import Stopwatch
 from are_ros.replay.results import (
-    ReplayCounts,
     metrics_content,
     summary_lines,
     timing_content,
@@ -62,12 +62,13 @@ def _record(ticks: int = 3) -> SceneRecord:
 
 
 SCANS = {"/scan": SensorPathCounts(7, 2, 1)}
-COUNTS = ReplayCounts({"scan": SCANS, "range": {}}, {"/tf": 4}, {"/b": 3, "/a": 1})
+COUNTS = ({"scan": SCANS, "range": {}}, {"/tf": 4}, {"/b": 3, "/a": 1})
+NONE: Any = ({}, {}, {})
 
 
 def test_metrics() -> None:
     """The metrics say how many, of which class, why, and when."""
-    content = metrics_content(_record(), COUNTS)
+    content = metrics_content(_record(), *COUNTS)
     assert (content["arrivals"], content["blocked_by_cause"]) == (2, {"no_place": 1})
     assert content["departures_by_cause"] == {"life_over": 1}
     assert content["classes"] == {
@@ -83,7 +84,7 @@ def test_metrics() -> None:
 
 def test_lives_in_seconds_since_the_first_tick() -> None:
     """Each life has its row and its instants; what did not happen is null."""
-    first, second = metrics_content(_record(), COUNTS)["lives"]
+    first, second = metrics_content(_record(), *COUNTS)["lives"]
     assert first == {
         "id": 1,
         "row": 3,
@@ -102,7 +103,7 @@ def test_lives_in_seconds_since_the_first_tick() -> None:
 @pytest.mark.parametrize("ticks", [0, 1, 3])
 def test_files_are_strict_json(tmp_path: Path, ticks: int) -> None:
     """What is not known is null, never NaN, and the file reads back as it was written."""
-    content = metrics_content(_record(ticks), ReplayCounts())
+    content = metrics_content(_record(ticks), *NONE)
     write_json(tmp_path / "metrics.json", content)
     text = (tmp_path / "metrics.json").read_text(encoding="utf-8")
     assert text.endswith("}\n")
@@ -130,7 +131,7 @@ def test_timing_of_nothing() -> None:
 
 def test_summary() -> None:
     """The summary names what a person asks for first, in aligned lines."""
-    metrics = metrics_content(_record(), COUNTS)
+    metrics = metrics_content(_record(), *COUNTS)
     lines = summary_lines(metrics, timing_content(_record(), Stopwatch({"replay": 0.5})))
     text = "\n".join(lines)
     assert "2.0 s in 3 ticks, 4 times real time; 0.5 s in all" in text
@@ -148,7 +149,7 @@ def test_summary() -> None:
 
 def test_summary_says_what_its_seconds_hold() -> None:
     """All phases that there were."""
-    metrics = metrics_content(_record(), COUNTS)
+    metrics = metrics_content(_record(), *COUNTS)
     phases = {"start_up": 1.0, "replay": 0.5, "picture": 2.0}
     for animation, text in (
         ({}, "3.5 s with start-up and picture"),
@@ -160,9 +161,9 @@ def test_summary_says_what_its_seconds_hold() -> None:
 
 def test_ranges_are_no_scans() -> None:
     """They have a key and a line of their own, where there are any."""
-    assert "ranges" not in metrics_content(_record(), COUNTS)
-    counts = ReplayCounts({"scan": SCANS, "range": {"/sonar": SensorPathCounts(3, 0, 0)}})
-    metrics = metrics_content(_record(), counts)
+    assert "ranges" not in metrics_content(_record(), *COUNTS)
+    readings = {"scan": SCANS, "range": {"/sonar": SensorPathCounts(3, 0, 0)}}
+    metrics = metrics_content(_record(), readings, {}, {})
     assert list(metrics["scans"]) == ["/scan"]
     assert metrics["ranges"] == {"/sonar": {"exact": 3, "held": 0, "passed_through": 0}}
     assert "range /sonar  3 augmented at their stamp" in summary_lines(metrics)
@@ -170,5 +171,5 @@ def test_ranges_are_no_scans() -> None:
 
 def test_summary_of_nothing() -> None:
     """A replay without ticks is summed up, too."""
-    lines = summary_lines(metrics_content(_record(0), ReplayCounts()))
+    lines = summary_lines(metrics_content(_record(0), *NONE))
     assert lines[0].endswith("0.0 s in 0 ticks")

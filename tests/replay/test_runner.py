@@ -9,7 +9,6 @@ import pytest
 
 from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.roles import find_roles
-from are_ros.bag.types import RosbagsFactory
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import catalogue_of
 from are_ros.builder.sensors.sensor_path import ReleasedReading
@@ -22,6 +21,7 @@ from are_ros.parameters.model import Parameters
 from are_ros.replay.progress import Stopwatch
 from are_ros.replay.runner import Listener, Replay
 from are_ros.replay.timeline import ReplayOptions, Timeline
+from bags.simulation.making import RosbagsFactory
 
 Records = Sequence[tuple[str, int, Any]]
 WriteBag = Callable[[Path, Records], Path]

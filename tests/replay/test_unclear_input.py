@@ -13,12 +13,12 @@ import pytest
 import yaml
 
 from are_ros.bag.reader import BagReader
-from are_ros.bag.types import RosbagsFactory
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.maps import read_points
 from are_ros.messages.transforms import read_transforms
 from are_ros.replay.recorded_scene import read_recorded_scene
 from are_ros.world.transforms.tree import FrameTree
+from bags.simulation.making import RosbagsFactory
 
 CAMERA = "/camera/camera_info"
 Records = Sequence[tuple[str, int, Any]]

@@ -9,11 +9,12 @@ import pytest
 import trimesh
 
 from are_ros.bag.reader import BagReader
-from are_ros.bag.types import RosbagsFactory, jazzy_typestore
+from are_ros.bag.types import jazzy_typestore
 from are_ros.builder.sensors.point_cloud import PointCloud
 from are_ros.messages.common import read_header
 from are_ros.messages.maps import read_points, read_voxels
 from are_ros.messages.sensors import encode_cloud
+from bags.simulation.making import RosbagsFactory
 from tests.replay.conftest import MANY, Records, RunAre, WriteBag
 
 SIZE_M = 0.1

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from are_ros.bag.types import RosbagsFactory
 from bags.simulation.building import Building
+from bags.simulation.making import RosbagsFactory
 from bags.simulation.office import OFFICE_START, office_building, office_driver
 from bags.simulation.robot import DriveLimits
 from bags.simulation.simulator import Simulator

@@ -12,9 +12,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from are_ros.bag.decoded import time_ns
 from are_ros.checks.sensors.depth_images import info_topic, name_parts
 from are_ros.checks.sensors.scan_pairs import Kept, Pairs, Released
+from are_ros.messages.common import read_time
 
 Bools = NDArray[np.bool_]
 
@@ -63,7 +63,7 @@ class ColourFrame:
 
         ValueError where the message is malformed.
         """
-        when = time_ns(message.header.stamp), at_ns, str(message.header.frame_id).lstrip("/")
+        when = read_time(message.header.stamp), at_ns, str(message.header.frame_id).lstrip("/")
         flat = np.asarray(message.data, np.uint8)
         if hasattr(message, "format"):
             if "compressedDepth" in message.format:
@@ -221,7 +221,7 @@ class ImagePairs(Pairs):
     def add_told(self, topic: str, message: Any) -> None:
         """Take what was told of an image beside it: a mask, ImageTruth or Detection2DArray."""
         image, _, kind = topic.rpartition("/")
-        key = image, time_ns(message.header.stamp)
+        key = image, read_time(message.header.stamp)
         if kind == "mask":
             self.masks[key] = Mask.of_message(message)
         elif kind == "truth":

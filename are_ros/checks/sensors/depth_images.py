@@ -14,9 +14,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from are_ros.bag.decoded import time_ns
 from are_ros.checks.oracle.frames import Pose
 from are_ros.checks.oracle.solids import Walls
+from are_ros.messages.common import read_time
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -173,7 +173,7 @@ class DepthFrame:
 
         ValueError where the message is malformed.
         """
-        when = time_ns(message.header.stamp), at_ns, str(message.header.frame_id).lstrip("/")
+        when = read_time(message.header.stamp), at_ns, str(message.header.frame_id).lstrip("/")
         if hasattr(message, "format"):
             return cls._of_compressed(message, *when)
         if message.encoding not in _KINDS:

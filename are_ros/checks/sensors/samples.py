@@ -13,8 +13,8 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from are_ros.bag.decoded import time_ns
 from are_ros.checks.oracle.solids import Cloud
+from are_ros.messages.common import read_time
 
 _CONE_STEP_RAD: Final = 0.02
 
@@ -168,7 +168,7 @@ BEAMS: Final[Mapping[str, type[Sample]]] = MappingProxyType(
 
 def _head(message: Any, at_ns: int) -> tuple[int, int, str]:
     header = message.header
-    return time_ns(header.stamp), at_ns, str(header.frame_id).lstrip("/")
+    return read_time(header.stamp), at_ns, str(header.frame_id).lstrip("/")
 
 
 def _numbers(message: Any, names: tuple[str, ...]) -> Mapping[str, float]:
@@ -259,7 +259,7 @@ class SensorCloud(Sample):
             if name in _FREE:
                 is_kept[offset : offset + _SIZES.get(datatype, 0)] = False
         return cls(
-            time_ns(message.header.stamp),
+            read_time(message.header.stamp),
             at_ns,
             cloud.frame_id,
             cloud.centres_m,

@@ -9,7 +9,6 @@ from are_ros.builder.sensors.colour_image import ColourImage, CompressedColour, 
 from are_ros.builder.sensors.image import Image
 from are_ros.errors import InputError
 from are_ros.messages.cdr import CdrWriter
-from are_ros.messages.images.detections import encode_boxes_in_image
 from are_ros.messages.images.image import (
     encode_image,
     read_compressed_image,
@@ -18,10 +17,7 @@ from are_ros.messages.images.image import (
 
 
 def read_colour(message: Any, source: str = "image") -> ColourImage:
-    """Return the image of a sensor_msgs/Image or CompressedImage, still without a lens.
-
-    InputError, whose sentence begins with `source`, if it is not painted on or malformed.
-    """
+    """Return the image of an Image or a CompressedImage, still without a lens; InputError."""
     if hasattr(message, "format"):
         return ColourImage(CompressedColour(read_compressed_image(message, source)))
     try:
@@ -45,9 +41,7 @@ def encode_mask(image: ColourImage) -> bytes | None:
 
 
 _ID: Final = Struct("<Q")
-_REGION: Final = Struct("<4I?")
 _PIXELS_AND_FRACTION: Final = Struct("<If")
-_POSE_AND_SIZE: Final = Struct("<10d")
 
 
 def encode_truth(image: ColourImage) -> bytes | None:
@@ -59,20 +53,12 @@ def encode_truth(image: ColourImage) -> bytes | None:
     writer.header(image.frame_id, image.stamp_ns)
     writer.count(len(artefacts))
     for one in artefacts:
-        row, (x, y, width, height) = one.artefact.row, one.roi_px
+        row = one.artefact.row
         writer.pack(_ID, 8, one.artefact.id)
         writer.text(row.label)
         writer.text(row.class_name)
-        writer.pack(_REGION, 4, x, y, height, width, False)
+        writer.region(one.roi_px)
         writer.pack(_PIXELS_AND_FRACTION, 4, one.visible_pixels, one.visible_fraction)
-        pose = one.camera_from_box
-        numbers = *pose.translation_m.tolist(), *pose.rotation_xyzw.tolist(), *row.size_m
-        writer.pack(_POSE_AND_SIZE, 8, *numbers)
+        writer.pose(one.camera_from_box)
+        writer.doubles(*row.size_m)
     return writer.message()
-
-
-def encode_boxes(image: ColourImage) -> bytes | None:
-    """Return a vision_msgs/Detection2DArray of what is painted, None where nothing is known."""
-    if image.truth is None:
-        return None
-    return encode_boxes_in_image(image.frame_id, image.stamp_ns, image.truth.in_image)

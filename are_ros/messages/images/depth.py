@@ -108,10 +108,7 @@ def _size_of_png(data: npt.NDArray[np.uint8]) -> tuple[int, int]:
 
 
 def read_depth(message: Any, source: str = "depth") -> DepthImage:
-    """Return the depths of a sensor_msgs/Image or CompressedImage, still without a lens.
-
-    InputError, whose sentence begins with `source`, if it holds no depth or is malformed.
-    """
+    """Return the depths of an Image or a CompressedImage, still without a lens; InputError."""
     if hasattr(message, "format"):
         image = read_compressed_image(message, source)
         return DepthImage(CompressedDepth.checked(image, source))

@@ -5,34 +5,29 @@ a camera's look in are_msgs/PerceivedArtefact.
 """
 
 from collections.abc import Sequence
-from struct import Struct
 from typing import Final
 
 from are_ros.agents.events import PerceivedArtefact
 from are_ros.builder.scene import Scene
-from are_ros.builder.sensors.colour_image import ArtefactInImage
+from are_ros.builder.sensors.colour_image import ColourImage
 from are_ros.messages.cdr import CdrWriter
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
 
-_SCORE: Final = Struct("<d")
-_POSE: Final = Struct("<7d")
-_COVARIANCE: Final = Struct("<36d")
-_BOX_2D: Final = Struct("<5d")
-_SIZE: Final = Struct("<3d")
 _CERTAIN: Final = (0.0,) * 36
 
 
-def encode_boxes_in_image(
-    frame_id: str, stamp_ns: int, artefacts: Sequence[ArtefactInImage]
-) -> bytes:
-    """Return a vision_msgs/Detection2DArray of the artefacts with a pixel of their own.
+def encode_boxes(image: ColourImage) -> bytes | None:
+    """Return a vision_msgs/Detection2DArray of the artefacts with a pixel of their own in an image.
 
-    Pixel (0, 0) is the square from 0 to 1, so that a box from the first pixel of an image to its
-    last is as large as the image. Poses are those of the middles of the artefacts' boxes, in the
-    optical frame.
+    None where nothing is known of what is painted. Pixel (0, 0) is the square from 0 to 1, so that
+    a box from the first pixel of an image to its last is as large as the image. Poses are those of
+    the middles of the artefacts' boxes, in the optical frame.
     """
-    seen = [one for one in artefacts if one.visible_pixels]
+    if image.truth is None:
+        return None
+    frame_id, stamp_ns = image.frame_id, image.stamp_ns
+    seen = [one for one in image.truth.in_image if one.visible_pixels]
     writer = CdrWriter()
     writer.header(frame_id, stamp_ns)
     writer.count(len(seen))
@@ -41,8 +36,7 @@ def encode_boxes_in_image(
         writer.header(frame_id, stamp_ns)
         writer.count(1)
         _append_hypothesis(writer, one.artefact.row.class_name, 1.0, one.camera_from_box, _CERTAIN)
-        middle = x + 0.5 * width, y + 0.5 * height, 0.0
-        writer.pack(_BOX_2D, 8, *middle, width, height)
+        writer.doubles(x + 0.5 * width, y + 0.5 * height, 0.0, width, height)
         writer.text(str(one.artefact.id))
     return writer.message()
 
@@ -96,8 +90,8 @@ def _encode_boxes(
         writer.count(len(results))
         for result in results:
             _append_hypothesis(writer, *result)
-        _append_pose(writer, RigidTransform.planar(x, y, yaw_rad, z))
-        writer.pack(_SIZE, 8, *(2.0 * half_m for half_m in halves_m))
+        writer.pose(RigidTransform.planar(x, y, yaw_rad, z))
+        writer.doubles(*(2.0 * half_m for half_m in halves_m))
         writer.text(str(number))
     return writer.message()
 
@@ -110,10 +104,6 @@ def _append_hypothesis(
     covariance: Sequence[float],
 ) -> None:
     writer.text(class_name)
-    writer.pack(_SCORE, 8, score)
-    _append_pose(writer, pose)
-    writer.pack(_COVARIANCE, 8, *covariance)
-
-
-def _append_pose(writer: CdrWriter, pose: RigidTransform) -> None:
-    writer.pack(_POSE, 8, *pose.translation_m.tolist(), *pose.rotation_xyzw.tolist())
+    writer.doubles(score)
+    writer.pose(pose)
+    writer.doubles(*covariance)

@@ -1,6 +1,5 @@
 """sensor_msgs/Image and CompressedImage, and the CameraInfo beside them."""
 
-from struct import Struct
 from typing import Any, Final
 
 import numpy as np
@@ -10,8 +9,6 @@ from are_ros.errors import InputError
 from are_ros.messages.cdr import CdrWriter
 from are_ros.messages.common import read_array, read_header, read_time
 from are_ros.world.cameras import CameraInfo
-
-_SIZE: Final = Struct("<2I")
 
 TRANSPORTS: Final = ("compressed", "compressedDepth", "theora", "zstd", "ffmpeg")
 """Transports of image_transport: a topic's last part is one of these if it is not raw."""
@@ -29,10 +26,7 @@ def raw_topic(topic: str) -> str:
 
 
 def camera_info_topic(topic: str) -> str:
-    """Return the topic of an image's CameraInfo, by the convention of image_transport.
-
-    It is `camera_info` in the namespace of the image; its transport is no part of that.
-    """
+    """Return the topic of an image's CameraInfo: `camera_info` in its namespace."""
     namespace, slash, _ = raw_topic(topic).rpartition("/")
     return f"{namespace}{slash}camera_info"
 
@@ -43,10 +37,7 @@ def is_rectified(topic: str) -> bool:
 
 
 def read_image(message: Any, source: str = "image") -> Image:
-    """Return the image of a sensor_msgs/Image; its data are viewed, not copied.
-
-    InputError, whose sentence begins with `source`, as `Image.checked`.
-    """
+    """Return the image of a sensor_msgs/Image, its data viewed; InputError as `Image.checked`."""
     return Image.checked(
         read_array(message.data, np.uint8),
         frame_id=str(message.header.frame_id).lstrip("/"),
@@ -68,7 +59,8 @@ def encode_image(image: Image | CompressedImage) -> bytes:
         writer.numbers(image.data, "u1")
         return writer.message()
     height, step = image.data.shape
-    writer.pack(_SIZE, 4, height, image.width)
+    writer.count(height)
+    writer.count(image.width)
     writer.text(image.encoding)
     writer.byte(image.is_bigendian)
     writer.count(step)
@@ -77,10 +69,7 @@ def encode_image(image: Image | CompressedImage) -> bytes:
 
 
 def read_compressed_image(message: Any, source: str = "image") -> CompressedImage:
-    """Return the image of a sensor_msgs/CompressedImage, not decompressed, its data viewed.
-
-    InputError, whose sentence begins with `source`, if it has no frame or no data.
-    """
+    """Return the image of a CompressedImage, its data viewed; InputError without frame or data."""
     frame_id, stamp_ns = read_header(message, source)
     data = read_array(message.data, np.uint8)
     if not data.size:
@@ -89,10 +78,6 @@ def read_compressed_image(message: Any, source: str = "image") -> CompressedImag
 
 
 # The CameraInfo: the numbers that a view model is made of.
-
-
-_K_R_P: Final = Struct("<30d")
-_ROI: Final = Struct("<4I?")
 
 
 def read_camera_info(message: Any, source: str = "camera_info") -> CameraInfo:
@@ -118,16 +103,17 @@ def read_camera_info(message: Any, source: str = "camera_info") -> CameraInfo:
 
 
 def encode_camera_info(info: CameraInfo, frame_id: str, stamp_ns: int) -> bytes:
-    """Return a sensor_msgs/CameraInfo; struct.error unless k, r and p have their lengths."""
-    x, y, width, height = info.roi
+    """Return a sensor_msgs/CameraInfo; k and r have nine numbers, p twelve."""
     writer = CdrWriter()
     writer.header(frame_id, stamp_ns)
-    writer.pack(_SIZE, 4, info.height, info.width)
+    writer.count(info.height)
+    writer.count(info.width)
     writer.text(info.distortion_model)
     writer.numbers(np.array(info.d), "<f8")
-    writer.pack(_K_R_P, 8, *info.k, *info.r, *info.p)
-    writer.pack(_SIZE, 4, info.binning_x, info.binning_y)
-    writer.pack(_ROI, 4, x, y, height, width, info.do_rectify)
+    writer.doubles(*info.k, *info.r, *info.p)
+    writer.count(info.binning_x)
+    writer.count(info.binning_y)
+    writer.region(info.roi, do_rectify=info.do_rectify)
     return writer.message()
 
 

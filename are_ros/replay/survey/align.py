@@ -2,8 +2,7 @@
 
 import math
 from collections import deque
-from collections.abc import Callable, Collection, Mapping
-from contextlib import suppress
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -21,8 +20,8 @@ from are_ros.draw.overview import PlacedScans, draw_alignment
 from are_ros.errors import BagError, FrameError, InputError, MapError
 from are_ros.messages.maps import read_grid
 from are_ros.messages.sensors import read_scan
-from are_ros.replay.progress import Progress, ProgressBar, said_if_slow
-from are_ros.replay.recorded_frames import RecordedFrames
+from are_ros.replay.progress import Progress, ProgressBar, Say, said_if_slow
+from are_ros.replay.recorded_frames import FRAME_ROLES, RecordedFrames
 from are_ros.replay.survey.frame_survey import connected_to, root_above
 from are_ros.replay.timeline import WITHOUT_MAP, ReplayOptions, topics_to_read
 from are_ros.wording import counted, why_refused
@@ -41,7 +40,6 @@ from are_ros.world.transforms.tree import FrameTree
 
 Floats = npt.NDArray[np.float64]
 
-_FRAME_ROLES: Final = ("tf", "tf_static", "odom")
 _CANDIDATES: Final = 600
 _MOST_SCANS: Final = 90
 _FEWEST_SCANS: Final = 10
@@ -56,16 +54,12 @@ _FOR_EVER_NS: Final = 2**62
 
 @dataclass(frozen=True, eq=False)
 class PlacedScan:
-    """One scan in the root frame: where its returns end and its beams begin, (N, 2) each [m].
-
-    `place` is x, y, yaw of the laser at its first beam.
-    """
+    """One scan in the root frame: x, y, yaw of the laser, and where its returns end, (N, 2) [m]."""
 
     stamp_ns: int
     topic: str
     place: tuple[float, float, float]
     endpoints_m: Floats
-    origins_m: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +76,7 @@ class AlignInput:
         counts = [len(scan.endpoints_m) for scan in self.scans]
         return ScanCloud(
             np.concatenate([scan.endpoints_m for scan in self.scans]),
-            np.concatenate([scan.origins_m for scan in self.scans]),
+            np.repeat([scan.place[:2] for scan in self.scans], counts, axis=0),
             np.repeat(np.arange(len(counts)), counts),
         )
 
@@ -126,7 +120,7 @@ def gather(
     topics = tuple(topic for topic, role in role_of_topic.items() if role == "scan")
     if not topics:
         raise BagError(_no_scan(roles))
-    frames = {topic: role for topic, role in role_of_topic.items() if role in _FRAME_ROLES}
+    frames = {topic: role for topic, role in role_of_topic.items() if role in FRAME_ROLES}
     window = Window.of(reader, role_of_topic, options.start_s, options.duration_s)
     begin_ns, end_ns = window.start_ns, window.stop_ns
     first = next(reader.messages(topics, begin_ns, end_ns), None)
@@ -229,7 +223,7 @@ def _placed(tree: FrameTree, root: str, topic: str, scan: LaserScan) -> PlacedSc
     endpoints = root_from_laser.apply(rays)[:, :2]
     x, y, _ = root_from_laser.translation_m.tolist()
     place = (x, y, root_from_laser.yaw_rad())
-    return PlacedScan(scan.stamp_ns, topic, place, endpoints, np.tile((x, y), (len(endpoints), 1)))
+    return PlacedScan(scan.stamp_ns, topic, place, endpoints)
 
 
 def _telling(placed: list[PlacedScan]) -> list[PlacedScan]:
@@ -300,22 +294,12 @@ def _frames_of(
     recorded = RecordedFrames(options.parameters, history_ns=_FOR_EVER_NS)
     static = [topic for topic, role in frames.items() if role == "tf_static"]
     for message in reader.messages(static) if static else ():
-        _feed(reader, recorded, message, "tf_static")
+        recorded.take_message(reader, message, "tf_static")
     moving = [topic for topic in frames if topic not in static]
     for message in reader.messages(moving, window.start_ns, window.stop_ns) if moving else ():
-        _feed(reader, recorded, message, frames[message.topic])
+        recorded.take_message(reader, message, frames[message.topic])
         progress(message.log_time_ns)
     return recorded.tree
-
-
-def _feed(reader: BagReader, recorded: RecordedFrames, message: BagMessage, role: str) -> None:
-    """Take a message of transforms or of odometry; what is malformed is left out."""
-    with suppress(InputError):  # a replay counts it, and goes on
-        if role == "odom":
-            recorded.take_odometry(reader.odometry(message))
-            return
-        for transform in reader.transforms(message):
-            recorded.take_transform(transform, is_static=role == "tf_static")
 
 
 def _root(tree: FrameTree, laser: str, options: ReplayOptions) -> str:
@@ -338,8 +322,6 @@ def _no_scan(roles: RolesFound) -> str:
         said[0] if said else "the recording has no laser scan, and a map can be matched with none"
     )
 
-
-Say = Callable[[str], None]
 
 _SEARCHED_WAY_M: Final = 60.0
 """Odometry drifts: of a longer way only the beginning is searched for."""

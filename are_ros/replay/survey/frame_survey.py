@@ -105,21 +105,14 @@ class FrameSurvey:
         return tuple(lines)
 
 
-@dataclass
-class _Refusal:
-    """The refused transforms of one edge on one topic, with the first reason."""
-
-    reason: str
-    count: int = 0
-
-
 class FrameSurveyor:
     """Collects transforms, and returns their survey."""
 
     def __init__(self) -> None:
         self._edges: dict[tuple[str, str], SurveyedEdge] = {}
         self._slashed: set[str] = set()
-        self._refusals: dict[tuple[str, str, str], _Refusal] = {}
+        self._refusals: dict[tuple[str, str, str], list[str]] = defaultdict(list)
+        """Why transforms were refused, by parent, child and topic."""
 
     def see(
         self,
@@ -135,7 +128,7 @@ class FrameSurveyor:
             self._slashed.update(name for name in (parent, child) if name.startswith("/"))
             names = parent.lstrip("/"), child.lstrip("/")
             if reason := why_invalid(*translation_m, *rotation_xyzw):
-                self._refusals.setdefault((*names, topic), _Refusal(reason)).count += 1
+                self._refusals[names[0], names[1], topic].append(reason)
                 continue
             ahead_ns = stamp_ns - log_time_ns
             edge = self._edges.get(names)
@@ -204,10 +197,10 @@ def static_tf_option(parent: str, child: str) -> str:
     return f'--static-tf "X Y Z YAW PITCH ROLL {parent} {child}"'
 
 
-def _said_of(key: tuple[str, str, str], refusal: _Refusal) -> str:
+def _said_of(key: tuple[str, str, str], reasons: Sequence[str]) -> str:
     parent, child, topic = key
-    count = counted(refusal.count, "transform")
-    return f"{count} {parent} -> {child} of {topic} refused: {refusal.reason}"
+    count = counted(len(reasons), "transform")
+    return f"{count} {parent} -> {child} of {topic} refused: {reasons[0]}"
 
 
 def _oddities(

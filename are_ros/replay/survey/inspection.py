@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any
 
 from are_ros.bag.clock import (
     BASE_FRAMES,
@@ -14,23 +13,20 @@ from are_ros.bag.clock import (
     first_time,
 )
 from are_ros.bag.reader import BagReader, BagTopic
-from are_ros.bag.roles import ROLE_TYPES, RolesFound, find_roles
+from are_ros.bag.roles import CAMERA, OCTOMAP, ROLE_TYPES, RolesFound, find_roles
 from are_ros.bag.stretches import Stretches, scan_waits, stretches_of, wait_sentence
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.images.image import read_camera_info
 from are_ros.messages.sensors import SENSORS, lens_topics, noun_of
 from are_ros.messages.transforms import StampedTransform
-from are_ros.parameters.model import PosesParameters, SensorsParameters
 from are_ros.replay.survey.frame_survey import FrameSurvey, FrameSurveyor, hertz, static_tf_option
 from are_ros.replay.survey.recorded_pose import option_of_poses
 from are_ros.replay.timeline import LATE_INPUT_NS, WITHOUT_CAMERA_INFO
 from are_ros.wording import aligned, counted, listed, section
 from are_ros.world.transforms.edges import TransformSource
 
-_CAMERA = "camera/camera_info"
-_SENSOR_ROLES = (*SENSORS, _CAMERA)
-_CLOUD = "octomap_point_cloud_centers"
+_SENSOR_ROLES = (*SENSORS, CAMERA)
 _GIVEN = "given"
 _LONG_NS = 2 * NS_PER_S
 """In a shorter recording transforms that come slowly may come once."""
@@ -78,7 +74,6 @@ def inspect_bag(
     overrides: Mapping[str, str] | None = None,
     *,
     map_frame: str = "map",
-    base_frame: str = "",
     has_map_file: bool = False,
     given_edges: Iterable[tuple[str, str]] = (),
     sensors: Mapping[str, Sequence[str]] = MappingProxyType({}),
@@ -86,9 +81,8 @@ def inspect_bag(
     """Look through an open recording: all its transforms, and one message of each useful topic.
 
     `overrides` are the user's topics by role, `given_edges` the (parent, child) of the transforms
-    that come by parameter or option, `sensors` all topics of each sensor's role; `map_frame` and
-    `base_frame` are those of the parameters (base empty: as `base_frame_of`). BagError
-    as `find_roles` and the reader.
+    that come by parameter or option, `sensors` all topics of each sensor's role; `map_frame` is
+    that of the parameters. BagError as `find_roles` and the reader.
     """
     roles = find_roles(reader.topics, overrides or {})
     named = {topic: role for role, topics in sensors.items() for topic in topics}
@@ -98,7 +92,7 @@ def inspect_bag(
     frame_ids = _first_frames(reader)
     times = RecordedTimes.read(reader, _timed(reader, roles, named), reader.start_ns, reader.end_ns)
     clock, trouble = _clock(times)
-    stretches = stretches_of(times, clock, reader.start_ns, reader.end_ns, reader.files)
+    stretches = stretches_of(times, clock, reader.start_ns, reader.end_ns)
     survey = _survey(reader, roles, given_edges, clock, stretches)
     topics = tuple(
         InspectedTopic(topic, _rate_hz(reader, topic, stretches), frame_ids.get(topic.name, ""))
@@ -107,7 +101,7 @@ def inspect_bag(
     map_topic = roles.topic("map")
     of_map = "" if has_map_file else frame_ids.get(map_topic or "", "")
     world_frame, map_frame = map_frame, of_map or map_frame
-    base_frame = base_frame or base_frame_of(survey.frames(), times.odometry_child)
+    base_frame = base_frame_of(survey.frames(), times.odometry_child)
     role_of_topic = roles.by_topic(_SENSOR_ROLES) | named
     missing = [
         *([] if map_topic or has_map_file else [_NO_MAP]),
@@ -116,7 +110,7 @@ def inspect_bag(
         *_missing_pose(survey, map_frame, base_frame, reader, roles),
         *_turned_round(survey),
         *_missing_mounts(survey, role_of_topic, frame_ids, base_frame),
-        *_missing_cloud_frame(survey, roles.topic(_CLOUD), frame_ids, map_frame),
+        *_missing_cloud_frame(survey, roles.topic(OCTOMAP), frame_ids, map_frame),
         *_missing_camera(reader, roles),
         *_missing_lenses(reader, role_of_topic),
         *_missing_stamps(times),
@@ -177,8 +171,7 @@ def _waits(
     for topic, waits_ns in waits.items():
         if len(waits_ns):
             count, noun = len(times.scans[topic].log_ns), noun_of(role_of_topic.get(topic, "scan"))
-            wait_s, history_s = SensorsParameters().tf_wait, PosesParameters().history
-            yield wait_sentence(topic, noun, waits_ns, count, wait_s, history_s)
+            yield wait_sentence(topic, noun, waits_ns, count)
 
 
 def _first_frames(reader: BagReader) -> dict[str, str]:
@@ -188,19 +181,10 @@ def _first_frames(reader: BagReader) -> dict[str, str]:
     for topic in reader.topics:
         if topic.type_name not in types or topic.count == 0:
             continue
-        message = _first_message(reader, topic.name)
+        message = reader.first(topic.name)
         if hasattr(message, "header"):
             frames[topic.name] = str(message.header.frame_id).lstrip("/")
     return frames
-
-
-def _first_message(reader: BagReader, topic: str) -> Any:
-    """Return the first message of a topic as an object, None if it cannot be understood."""
-    first = next(reader.messages((topic,)), None)
-    try:
-        return None if first is None else reader.deserialize(first)
-    except AreError:
-        return None
 
 
 def _survey(
@@ -235,7 +219,7 @@ def _survey_odometry(
     """Take in the odometry's edge where it has both names (an empty child means the base)."""
     if topic is None:
         return
-    first = _first_message(reader, topic)
+    first = reader.first(topic)
     if first is None or not (first.header.frame_id and first.child_frame_id):
         return
     for message in reader.messages((topic,)):
@@ -323,7 +307,7 @@ def _missing_cloud_frame(
 
 def _missing_camera(reader: BagReader, roles: RolesFound) -> Iterable[str]:
     """Say if the first CameraInfo is of no use, or comes late."""
-    topic = roles.topic(_CAMERA)
+    topic = roles.topic(CAMERA)
     first = None if topic is None else next(reader.messages((topic,)), None)
     if topic is None or first is None:
         return
@@ -331,7 +315,7 @@ def _missing_camera(reader: BagReader, roles: RolesFound) -> Iterable[str]:
         read_camera_info(reader.deserialize(first), topic).view(rectified=False)
     except AreError as cause:
         yield f"the first CameraInfo is of no use: {cause}"
-    begin_ns = first_time(reader, roles.by_topic(role for role in MOVING_ROLES if role != _CAMERA))
+    begin_ns = first_time(reader, roles.by_topic(role for role in MOVING_ROLES if role != CAMERA))
     late_ns = 0 if begin_ns is None else first.log_time_ns - begin_ns
     if late_ns > LATE_INPUT_NS:
         yield (

@@ -8,10 +8,11 @@ import numpy as np
 from are_ros.bag.reader import BagReader
 from are_ros.bag.roles import RolesFound
 from are_ros.conventions import NS_PER_S
-from are_ros.errors import AreError, FrameError
+from are_ros.errors import AreError
 from are_ros.messages.common import read_header, read_pose
+from are_ros.parameters.model import Parameters
+from are_ros.replay.recorded_frames import FRAME_ROLES, RecordedFrames
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.transforms.edges import TransformSource
 from are_ros.world.transforms.tree import FrameTree
 
 _POSE_TYPE: Final = "geometry_msgs/msg/PoseWithCovarianceStamped"
@@ -75,20 +76,8 @@ def _poses(reader: BagReader, topic: str, frame: str) -> list[tuple[int, RigidTr
 
 def _frames(reader: BagReader, roles: RolesFound) -> FrameTree:
     """Return all transforms and odometry of a recording."""
-    tree = FrameTree(reader.end_ns - reader.start_ns + NS_PER_S)
-    chosen = roles.by_topic(("tf", "tf_static", "odom"))
+    recorded = RecordedFrames(Parameters(), reader.end_ns - reader.start_ns + NS_PER_S)
+    chosen = roles.by_topic(FRAME_ROLES)
     for message in reader.messages(chosen):
-        with suppress(AreError):
-            role = chosen[message.topic]
-            if role == "odom":
-                parent, child, stamp_ns, pose = reader.odometry(message)
-                source = TransformSource.ODOMETRY
-                tree.set_transform(parent, child, stamp_ns, pose[:3], pose[3:], source=source)
-                continue
-            for parent, child, stamp_ns, place, turn in reader.transforms(message):
-                with suppress(FrameError):
-                    if role == "tf_static":
-                        tree.set_static(parent, child, place, turn)
-                    else:
-                        tree.set_transform(parent, child, stamp_ns, place, turn)
-    return tree
+        recorded.take_message(reader, message, chosen[message.topic])
+    return recorded.tree

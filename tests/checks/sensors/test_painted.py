@@ -31,8 +31,12 @@ from are_ros.checks.result import CheckResult, Outcome
 from are_ros.checks.sensors.colours import ColourFrame, Mask, change_of
 from are_ros.checks.sensors.painted import check_boxes, check_images
 from are_ros.messages.artefacts import ArtefactEncoder, encode_perceived
-from are_ros.messages.images.colour import encode_boxes, encode_colour, encode_mask, encode_truth
-from are_ros.messages.images.detections import encode_boxes_of_perceived, encode_boxes_of_scene
+from are_ros.messages.images.colour import encode_colour, encode_mask, encode_truth
+from are_ros.messages.images.detections import (
+    encode_boxes,
+    encode_boxes_of_perceived,
+    encode_boxes_of_scene,
+)
 from are_ros.parameters.model import Parameters
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.population.catalogue import CatalogueRow

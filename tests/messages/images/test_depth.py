@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
-from are_ros.bag.types import RosbagsFactory
 from are_ros.builder.sensors.depth_image import InverseDepth, Millimetres
 from are_ros.errors import InputError
 from are_ros.messages.images.depth import encode_depth, read_depth
+from bags.simulation.making import RosbagsFactory
 
 FACTORY = RosbagsFactory()
 A, B = 10100.0, -1009.0

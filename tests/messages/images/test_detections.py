@@ -13,8 +13,12 @@ from are_ros.builder.rendering.painter import PaintedBody
 from are_ros.builder.scene import Scene
 from are_ros.builder.sensors.colour_image import ColourImage, ImageTruth, RawColour
 from are_ros.builder.sensors.image import Image
-from are_ros.messages.images.colour import encode_boxes, encode_mask, encode_truth
-from are_ros.messages.images.detections import encode_boxes_of_perceived, encode_boxes_of_scene
+from are_ros.messages.images.colour import encode_mask, encode_truth
+from are_ros.messages.images.detections import (
+    encode_boxes,
+    encode_boxes_of_perceived,
+    encode_boxes_of_scene,
+)
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.meshes.shapes import Shape

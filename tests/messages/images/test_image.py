@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.bag.types import RosbagsFactory
 from are_ros.errors import InputError
 from are_ros.messages.images.image import (
     camera_info_topic,
@@ -18,6 +17,7 @@ from are_ros.messages.images.image import (
     read_compressed_image,
     read_image,
 )
+from bags.simulation.making import RosbagsFactory
 
 FACTORY = RosbagsFactory()
 LAYOUTS = {

@@ -13,7 +13,6 @@ import pytest
 
 from are_ros.bag.reader import BagReader
 from are_ros.bag.roles import find_roles
-from are_ros.bag.types import RosbagsFactory
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.errors import BagError
 from are_ros.messages.transforms import StampedTransform
@@ -30,7 +29,7 @@ from are_ros.replay.timeline import ReplayOptions
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.scan_matching import PlanarPose, ScanCloud, ScanMatcher, wrapped
-from bags.simulation.making import make_grid, make_scan, make_transforms
+from bags.simulation.making import RosbagsFactory, make_grid, make_scan, make_transforms
 
 RunAre = Callable[..., CompletedProcess[str]]
 WriteBag = Callable[[Path, list[tuple[str, int, Any]]], Path]
@@ -303,7 +302,7 @@ def test_the_way_of_two_lasers_is_that_of_one() -> None:
     """From front to rear nobody drives."""
     none = np.empty((0, 2))
     scans = [
-        PlacedScan(k, f"/{k % 2}", (0.1 * (k // 2) - 1.5 * (k % 2), 0.0, 0.0), none, none)
+        PlacedScan(k, f"/{k % 2}", (0.1 * (k // 2) - 1.5 * (k % 2), 0.0, 0.0), none)
         for k in range(6)
     ]
     driven_m = AlignInput("odom", ("/0", "/1"), tuple(scans), ()).driven_m()
@@ -328,7 +327,7 @@ def test_only_one_side_of_a_gap_is_matched() -> None:
     """The longer one; the others are counted."""
     none = np.empty((0, 2))
     placed = [
-        PlacedScan(at_s * S, "/scan", (0.0, 0.0, 0.0), none, none) for at_s in (0, 1, 100, 101, 102)
+        PlacedScan(at_s * S, "/scan", (0.0, 0.0, 0.0), none) for at_s in (0, 1, 100, 101, 102)
     ]
     drive, (notice,) = _longest_drive(placed)
     assert [scan.stamp_ns // S for scan in drive] == [100, 101, 102]
