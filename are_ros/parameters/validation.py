@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Final
 
 from are_ros.errors import ParameterError
-from are_ros.parameters.choices import OnRobotContact, Region, Shape
+from are_ros.parameters.choices import Appear, OnRobotContact, Region, Shape
 from are_ros.parameters.model import (
     CameraParameters,
     FramesParameters,
@@ -27,14 +27,14 @@ def validated(parameters: Parameters) -> Parameters:
     world.occupied_threshold, mixture.weights and mixture.rates are of one length, not 0, the
     weights sum to 1 within 1e-6, camera.mount has six numbers, camera.others are distinct,
     camera.other_rates are at least one and not more than those, population.zones names a file
-    where population.region is zones, occlusion.target is not mesh where occlusion.shape is box,
-    and frames.map is not empty.
+    where population.region or population.appear is zones, occlusion.target is not mesh where
+    occlusion.shape is box, and frames.map is not empty.
     """
     _check_thresholds(parameters.world)
     _check_mixture(parameters.mixture)
     _check_mount(parameters.camera)
     _check_cameras(parameters.camera)
-    _check_region(parameters.population)
+    _check_zones(parameters.population)
     _check_target(parameters.occlusion)
     return replace(
         parameters,
@@ -92,9 +92,14 @@ def _check_cameras(camera: CameraParameters) -> None:
         raise ParameterError(message)
 
 
-def _check_region(population: PopulationParameters) -> None:
-    if population.region is Region.ZONES and not population.zones:
-        raise ParameterError("population.region is zones, but population.zones names no file")
+def _check_zones(population: PopulationParameters) -> None:
+    in_zones = {
+        "population.region": population.region is Region.ZONES,
+        "population.appear": population.appear is Appear.ZONES,
+    }
+    for name, is_zones in in_zones.items():
+        if is_zones and not population.zones:
+            raise ParameterError(f"{name} is zones, but population.zones names no file")
 
 
 def _check_target(occlusion: OcclusionParameters) -> None:

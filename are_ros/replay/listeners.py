@@ -1,9 +1,13 @@
 """Listeners of a replay: they write the recording, keep the record, and check the map."""
 
+import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from struct import error as StructError  # noqa: N812
 from typing import Final
+
+import numpy as np
+import numpy.typing as npt
 
 from are_ros.agents.robots import TOO_OLD
 from are_ros.bag.reader import BagMessage, BagReader
@@ -15,6 +19,7 @@ from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.builder.sensors.point_cloud import PointCloud
 from are_ros.builder.sensors.sensor_path import ReleasedReading
 from are_ros.builder.tick import USUAL, Demand, Tick
+from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import CameraAt, ScanPoints, scan_points
 from are_ros.errors import AreError
 from are_ros.messages.common import read_header
@@ -29,6 +34,8 @@ from are_ros.replay.scene_record import SceneRecorder
 from are_ros.wording import percent
 from are_ros.world.environment import Environment
 from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.scan_matching import NEAR_M
 
 _WITHOUT_TRUTH: Final = SensorsParameters()
 
@@ -220,7 +227,92 @@ class RecordKeeper(Listener):
         return None if pose is None else scan_points(scan, released.received, pose)
 
 
-# The robot of a recording must stand on free cells: else the map does not belong to it.
+# The scans of a recording must end on walls of the map, and its robot stand on free cells: else the
+# map does not belong to it.
+
+
+_SCAN_PERIOD_NS: Final = NS_PER_S
+"""Of each laser one scan in this time is looked at."""
+_MOST_SCANS: Final = 1000
+_FEWEST_POINTS: Final = 500
+_RETURN_SHARE: Final = 0.995
+"""Many drivers write range_max, or a little less, where nothing is."""
+_LEVEL: Final = 0.995
+"""The least z component of the axis of a laser that is level."""
+_NO_FIT_SHARE: Final = 0.5
+_SHIFTS_M: Final = (1.0, 2.5)
+_SHIFT_ANGLES_RAD: Final = np.arange(8) * math.pi / 4.0 + 0.2
+
+
+class ScanFit:
+    """Keeps where level scans end, and compares with the walls of the last map.
+
+    Scans that fit do so at their place only. Where they end on walls no more often than a metre or
+    two beside it, they have nothing to do with the map.
+    """
+
+    def __init__(self, builder: ArBuilder) -> None:
+        self._builder = builder
+        self._last_ns: dict[str, int] = {}
+        self._ends_m: list[npt.NDArray[np.float32]] = []
+
+    def take(self, readings: Sequence[ReleasedReading]) -> None:
+        """Keep the ends of some scans in the map's frame, as they were received."""
+        for released in readings:
+            scan = released.received or released.reading
+            if not isinstance(scan, LaserScan) or len(self._ends_m) >= _MOST_SCANS:
+                continue
+            last_ns = self._last_ns.get(released.topic)
+            if last_ns is not None and 0 <= scan.stamp_ns - last_ns < _SCAN_PERIOD_NS:
+                continue
+            frames, map_frame = self._builder.frames, self._builder.parameters.frames.map
+            pose = frames.try_lookup(map_frame, scan.frame_id, scan.stamp_ns)
+            if pose is not None and abs(pose.rotation_matrix()[2, 2]) > _LEVEL:
+                self._last_ns[released.topic] = scan.stamp_ns
+                self._ends_m.append(_ends(scan, pose))
+
+    def doubts(self) -> list[str]:
+        """Return half a sentence if the scans do not fit the map, else nothing."""
+        environment = self._builder.world.environment
+        ends_m = np.concatenate(self._ends_m) if self._ends_m else np.empty((0, 2))
+        if environment is None or len(ends_m) < _FEWEST_POINTS:
+            return []
+        is_near = _near_walls(environment)
+
+        def share(shift_m: tuple[float, float]) -> float:
+            cells = environment.grid.points_to_cells(ends_m + shift_m)
+            cells = cells[environment.grid.contains(cells)]
+            return int(is_near[cells[:, 0], cells[:, 1]].sum()) / len(ends_m)
+
+        here = share((0.0, 0.0))
+        if here >= _NO_FIT_SHARE:
+            return []
+        shifts = [(r * math.cos(a), r * math.sin(a)) for r in _SHIFTS_M for a in _SHIFT_ANGLES_RAD]
+        if here > 1.5 * float(np.median([share(shift_m) for shift_m in shifts])):
+            return []
+        return [f"only {percent(here)} of what the scans measured is where the map has walls"]
+
+
+def _ends(scan: LaserScan, map_from_laser: RigidTransform) -> npt.NDArray[np.float32]:
+    """Return where the beams of a scan end, float32 (N, 2) in the map's frame [m]."""
+    farthest_m = scan.range_max_m * _RETURN_SHARE
+    returned = np.isfinite(scan.ranges) & (scan.ranges >= scan.range_min_m)
+    returned &= scan.ranges < farthest_m
+    lengths_m = scan.ranges[returned].astype(np.float64)[:, np.newaxis]
+    ends_m = map_from_laser.apply(scan.directions()[returned] * lengths_m)
+    return ends_m[:, :2].astype(np.float32)
+
+
+def _near_walls(environment: Environment) -> npt.NDArray[np.bool_]:
+    """Return which cells are within `NEAR_M` of an occupied one, bool (height, width)."""
+    import cv2  # it takes a while to load
+
+    is_clear = (~environment.classes.occupied).astype(np.uint8)
+    if is_clear.all():
+        return np.zeros(is_clear.shape, dtype=np.bool_)
+    away = cv2.distanceTransform(is_clear, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    near: npt.NDArray[np.bool_] = np.asarray(away) <= NEAR_M / environment.grid.resolution_m + 1.0
+    return near
 
 
 _LEAST_AREA_M2: Final = 3.0
@@ -228,10 +320,11 @@ _LEAST_AREA_M2: Final = 3.0
 
 
 class StandingWatch(Listener):
-    """Looks at each tick whether the cell of the robot's base is free."""
+    """Looks at each tick whether the cell of the robot's base is free, and where scans end."""
 
     def __init__(self, builder: ArBuilder) -> None:
         self._builder = builder
+        self._scans = ScanFit(builder)
         self._ticks = 0
         self._outside_m: list[tuple[float, float]] = []
         self._area_m2 = 0.0
@@ -247,9 +340,13 @@ class StandingWatch(Listener):
         if not _is_free(environment, (x_m, y_m)):
             self._outside_m.append((x_m, y_m))
 
+    def take_readings(self, readings: Sequence[ReleasedReading]) -> None:
+        """Keep where scans end."""
+        self._scans.take(readings)
+
     def sentences(self) -> list[str]:
         """Return a sentence if robot and map do not agree."""
-        doubts = []
+        doubts = self._scans.doubts()
         outside = self._outside()
         if outside > SHARE * self._ticks:
             doubts.append(

@@ -1,6 +1,7 @@
 """`are align`: the transform between a map and the robot's frames, found by matching scans."""
 
 import math
+import os
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
@@ -388,6 +389,8 @@ class AlignOutcome:
 def align_command(echo: Say, say: Say, options: ReplayOptions) -> bool:
     """Run `are align`; return whether there is one answer, and a good one. Raises AreError."""
     out = options.out
+    if out is not None:
+        _prepare_picture(out)
     outcome = align(options, say)
     for notice in outcome.given.notices:
         say(notice)
@@ -395,12 +398,24 @@ def align_command(echo: Say, say: Say, options: ReplayOptions) -> bool:
         echo(text)
     if out is not None:
         try:
-            out.parent.mkdir(parents=True, exist_ok=True)
             draw_outcome(outcome, out)
         except OSError as cause:
             raise BagError(f"--out {out}: it cannot be written ({why_refused(cause)})") from cause
         echo(f"picture      {out}")
     return outcome.is_sure
+
+
+def _prepare_picture(out: Path) -> None:
+    """Make the folder of the picture before the search; BagError if it cannot be written."""
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as cause:
+        raise BagError(f"--out {out}: its folder cannot be made ({why_refused(cause)})") from cause
+    reason = "a folder has that name" if out.is_dir() else ""
+    if not os.access(out if out.exists() else out.parent, os.W_OK):
+        reason = "permission denied"
+    if reason:
+        raise BagError(f"--out {out}: it cannot be written ({reason})")
 
 
 def draw_outcome(outcome: AlignOutcome, path: Path) -> None:

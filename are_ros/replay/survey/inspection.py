@@ -1,6 +1,6 @@
 """Which roles the topics of a recording play, and what is missing, for `are inspect`."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
@@ -15,7 +15,13 @@ from are_ros.bag.clock import (
 )
 from are_ros.bag.reader import BagReader, BagTopic
 from are_ros.bag.roles import ROLE_TYPES, RolesFound, find_roles
-from are_ros.bag.stretches import Stretches, scan_waits, stretches_of, wait_sentence
+from are_ros.bag.stretches import (
+    Stretches,
+    in_reach,
+    scan_waits,
+    stretches_of,
+    wait_sentence,
+)
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.images.image import read_camera_info
@@ -109,6 +115,8 @@ def inspect_bag(
     world_frame, map_frame = map_frame, of_map or map_frame
     base_frame = base_frame or base_frame_of(survey.frames(), times.odometry_child)
     role_of_topic = roles.by_topic(_SENSOR_ROLES) | named
+    placed = survey.connected_to(map_frame)
+    waits = list(_waits(times, clock, role_of_topic, map_frame, given_edges, placed))
     missing = [
         *([] if map_topic or has_map_file else [_NO_MAP]),
         *_other_map_frame(map_topic, map_frame, world_frame),
@@ -121,6 +129,8 @@ def inspect_bag(
         *_missing_lenses(reader, role_of_topic),
         *_missing_stamps(times),
         *_missing_repeats(survey, reader.end_ns - reader.start_ns),
+        *_missing_clock(clock),
+        *(sentence for sentence, is_known in waits if not is_known),
     ]
     return Inspection(
         reader.start_ns,
@@ -135,7 +145,7 @@ def inspect_bag(
         (
             *stretches.sentences(reader.start_ns),
             *filter(None, (clock.sentence, clock.disagreement, trouble)),
-            *_waits(times, clock, role_of_topic, map_frame, given_edges),
+            *(sentence for sentence, is_known in waits if is_known),
         ),
     )
 
@@ -171,14 +181,21 @@ def _waits(
     role_of_topic: Mapping[str, str],
     map_frame: str,
     given_edges: Iterable[tuple[str, str]],
-) -> Iterable[str]:
-    """Say how long readings wait for their transforms, where anything joins them to the map."""
+    placed: Collection[str],
+) -> Iterable[tuple[str, bool]]:
+    """Say how long readings wait for their transforms, where anything joins them to the map.
+
+    `placed` are the frames that hang together with the map's. With each sentence comes whether any
+    reading of the topic gets its transform in time, or its clock is said to differ.
+    """
     waits = scan_waits(times, clock, map_frame, given_edges)
     for topic, waits_ns in waits.items():
-        if len(waits_ns):
+        is_stamped = times.scans[topic].stamps_ns.any()
+        if len(waits_ns) or (is_stamped and times.scan_frames[topic] in placed):
             count, noun = len(times.scans[topic].log_ns), noun_of(role_of_topic.get(topic, "scan"))
             wait_s, history_s = SensorsParameters().tf_wait, PosesParameters().history
-            yield wait_sentence(topic, noun, waits_ns, count, wait_s, history_s)
+            sentence = wait_sentence(topic, noun, waits_ns, count, wait_s, history_s)
+            yield sentence, topic in clock.apart or len(in_reach(waits_ns, history_s)) > 0
 
 
 def _first_frames(reader: BagReader) -> dict[str, str]:
@@ -356,6 +373,16 @@ def _missing_stamps(times: RecordedTimes) -> Iterable[str]:
         yield (
             f"no message of {listed(unstamped)} has a stamp, so nobody knows when it was: let its"
             " publisher stamp it, and record anew"
+        )
+
+
+def _missing_clock(clock: BagClock) -> Iterable[str]:
+    """Say whose stamps have no clock in common with the others: no option supplies one."""
+    if clock.apart:
+        yield (
+            f"a common clock: the stamps of {listed(sorted(clock.apart))} go by another one than"
+            " those of the others (see time), so that readings and transforms cannot be brought"
+            " together"
         )
 
 

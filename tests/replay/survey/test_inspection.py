@@ -134,6 +134,34 @@ def test_stamps_of_another_clock_are_said_once(
     assert said.startswith("map -> odom is stamped up to 5.00 s later than /odom"), said
 
 
+@pytest.mark.parametrize(("late_s", "ahead_s"), [(6, 0), (0, 5), (0, -5)])
+def test_without_a_common_clock_it_cannot_be_replayed_as_it_is(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag, late_s: int, ahead_s: int
+) -> None:
+    """Odometry that was recorded late, and scans stamped ahead or behind, as a replay says."""
+    mounts = [transform("base_link", "laser", 0), transform("map", "odom", 0)]
+    records = [("/tf_static", 10 * S, make_transforms(factory, mounts))]
+    for k in range(100, 200):
+        at_ns = k * S // 10
+        records.append(("/odom", at_ns + late_s * S, odometry(factory, at_ns)))
+        records.append(("/scan", at_ns, scan(factory, at_ns + ahead_s * S)))
+    path = write_bag(tmp_path / "bag.mcap", sorted(records, key=lambda record: record[1]))
+    (missing,) = inspected(path, has_map_file=True).missing
+    assert missing.startswith("a common clock: the stamps of /scan go by another one")
+
+
+def test_transforms_that_never_come_in_time_are_missing(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """Those of all scans: the robot's pose is recorded after the last one only."""
+    mounts = [transform("base_link", "laser", 0), transform("map", "odom", 0)]
+    records = [("/tf_static", 0, make_transforms(factory, mounts))]
+    records += [("/scan", k * S // 10, scan(factory, k * S // 10)) for k in range(10)]
+    records += [("/odom", k * S // 10, odometry(factory, k * S // 10)) for k in range(20, 40)]
+    (never,) = inspected(write_bag(tmp_path / "b.mcap", records), has_map_file=True).missing
+    assert never == "/scan: 10 of 10 scans never get their transform"
+
+
 def test_what_is_missing_is_said_with_its_option(
     tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
 ) -> None:
