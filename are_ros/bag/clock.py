@@ -124,6 +124,8 @@ class RecordedTimes:
         transforms = _Transforms()
         messages = reader.messages(list(moving), start_ns, stop_ns) if moving else ()
         for message in messages:
+            if not reader.is_expected(message):
+                continue
             logs[message.topic].append(message.log_time_ns)
             if moving[message.topic] == "tf":
                 transforms.take(reader, message)
@@ -253,7 +255,7 @@ def _clock(reader: BagReader, start_ns: int, stop_ns: int) -> list[Times]:
 
 def _odometry_edge(reader: BagReader, topic: str, known: Iterable[Edge]) -> Edge | None:
     """Return (frame, child frame) of the odometry; an empty child means the base."""
-    first = next(reader.messages((topic,)), None)
+    first = reader.first(topic)
     try:
         numbers = None if first is None else reader.odometry(first)
     except AreError:
@@ -278,11 +280,12 @@ def _static_edges(
 
 
 def _frame_of(reader: BagReader, topic: str) -> str:
-    first = next(reader.messages((topic,)), None)
+    first = reader.first(topic)
     try:
-        return "" if first is None else str(reader.deserialize(first).header.frame_id).lstrip("/")
+        header = None if first is None else getattr(reader.deserialize(first), "header", None)
     except AreError:
         return ""
+    return "" if header is None else str(header.frame_id).lstrip("/")
 
 
 _AHEAD_NS = NS_PER_S // 5

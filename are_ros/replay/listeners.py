@@ -275,22 +275,26 @@ class ScanFit:
         """Return half a sentence if the scans do not fit the map, else nothing."""
         environment = self._builder.world.environment
         ends_m = np.concatenate(self._ends_m) if self._ends_m else np.empty((0, 2))
-        if environment is None or len(ends_m) < _FEWEST_POINTS:
+        if environment is None or not environment.classes.occupied.any():
             return []
         is_near = _near_walls(environment)
 
         def share(shift_m: tuple[float, float]) -> float:
+            """Return the share near walls of the ends that lie on the map; NaN of too few."""
             cells = environment.grid.points_to_cells(ends_m + shift_m)
             cells = cells[environment.grid.contains(cells)]
-            return int(is_near[cells[:, 0], cells[:, 1]].sum()) / len(ends_m)
+            if len(cells) < _FEWEST_POINTS:
+                return math.nan
+            return float(is_near[cells[:, 0], cells[:, 1]].mean())
 
         here = share((0.0, 0.0))
-        if here >= _NO_FIT_SHARE:
+        if not here < _NO_FIT_SHARE:
             return []
         shifts = [(r * math.cos(a), r * math.sin(a)) for r in _SHIFTS_M for a in _SHIFT_ANGLES_RAD]
-        if here > 1.5 * float(np.median([share(shift_m) for shift_m in shifts])):
+        beside = [share(shift_m) for shift_m in shifts]
+        if not here <= 1.5 * float(np.nanmedian([here, *beside])):
             return []
-        return [f"only {percent(here)} of what the scans measured is where the map has walls"]
+        return [f"only {percent(here)} of what the scans measured on the map is where it has walls"]
 
 
 def _ends(scan: LaserScan, map_from_laser: RigidTransform) -> npt.NDArray[np.float32]:
@@ -308,8 +312,6 @@ def _near_walls(environment: Environment) -> npt.NDArray[np.bool_]:
     import cv2  # it takes a while to load
 
     is_clear = (~environment.classes.occupied).astype(np.uint8)
-    if is_clear.all():
-        return np.zeros(is_clear.shape, dtype=np.bool_)
     away = cv2.distanceTransform(is_clear, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     near: npt.NDArray[np.bool_] = np.asarray(away) <= NEAR_M / environment.grid.resolution_m + 1.0
     return near

@@ -1,6 +1,7 @@
 """Playing recordings to live topics, over real DDS."""
 
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -437,7 +438,12 @@ def test_a_misspelt_node_is_told_from_one_that_is_slow(
     listen(ros, ("/nothing_that_is_played",))
     for name, ends in (("/listner", "did you mean /listener?"), (LISTENER, "a minute or two)")):
         with ros.spinning(), playing(words, wait_for=(name,)) as run:
-            wait_until(lambda said=run.sentences, end=ends: said and said[-1].endswith(end), nap)
+            wait_until(partial(ends_with, run.sentences, ends), nap)
+
+
+def ends_with(sentences: list[str], text: str) -> bool:
+    """Tell whether the last sentence ends with a text."""
+    return bool(sentences) and sentences[-1].endswith(text)
 
 
 def test_falling_behind_is_said(ros: RosWorld, words: Path) -> None:

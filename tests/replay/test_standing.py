@@ -96,13 +96,16 @@ def test_cells_between_the_thresholds_are_the_reason() -> None:
     assert "? 50.0 % of its known cells are neither free, up to world.free_thr" in sentence
 
 
-def fitted(at: PlanarPose, *, tilt_rad: float = 0.0, scans: int = 20) -> list[str]:
+def fitted(
+    at: PlanarPose, *, tilt_rad: float = 0.0, scans: int = 20, occupied: int = 100
+) -> list[str]:
     """Return what is said of scans of a room on a map of it, from whose frame theirs differs."""
     room = np.zeros((120, 160), np.int8)
     room[[0, -1]] = 100
     room[:, [0, -1]] = 100
     room[40:44, 90:110] = 100
-    grid = OccupancyGrid(room, 0.05, RigidTransform.identity(), "map")
+    cells = np.minimum(room, occupied).astype(np.int8)
+    grid = OccupancyGrid(cells, 0.05, RigidTransform.identity(), "map")
     place = SimpleNamespace(grid=grid, classes=classify(grid, 65, 25))
     step_rad, ways_m = math.radians(2.0), np.arange(0.0, 12.0, 0.01)[:, np.newaxis]
     angles = np.arange(180) * step_rad
@@ -130,15 +133,20 @@ def fitted(at: PlanarPose, *, tilt_rad: float = 0.0, scans: int = 20) -> list[st
         (PlanarPose(0.0, 0.0, 0.0), False),
         (PlanarPose(0.05, -0.05, 0.005), False),
         (PlanarPose(1.0, -2.0, 0.5), True),
-        (PlanarPose(90.0, 0.0, 0.0), True),
+        (PlanarPose(90.0, 0.0, 0.0), False),
     ],
 )
 def test_scans_that_end_anywhere_but_at_walls_are_said(at: PlanarPose, is_said: bool) -> None:
-    """The map lies elsewhere than the frames of the recording say; centimetres do not matter."""
+    """The map lies elsewhere than the frames of the recording say; centimetres do not matter.
+
+    Of what ends beyond the map nothing is said: a map may be of a part of a place.
+    """
     said = fitted(at)
     assert len(said) == is_said
     for doubt in said:
-        assert re.fullmatch(r"only \S+ % of what the scans measured is where .* walls", doubt)
+        assert re.fullmatch(
+            r"only \S+ % of what the scans measured on the map is where .* walls", doubt
+        )
 
 
 def test_a_tilted_laser_and_few_scans_tell_nothing_of_a_map() -> None:
@@ -146,6 +154,7 @@ def test_a_tilted_laser_and_few_scans_tell_nothing_of_a_map() -> None:
     wrong = PlanarPose(1.0, -2.0, 0.5)
     assert fitted(wrong, tilt_rad=0.3) == []
     assert fitted(wrong, scans=2) == []
+    assert fitted(wrong, occupied=0) == []
 
 
 def test_a_replay_says_it_of_a_wrong_frame(

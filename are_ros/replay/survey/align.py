@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.bag.reader import BagMessage, BagReader
-from are_ros.bag.roles import RolesFound, find_roles
+from are_ros.bag.roles import RolesFound, find_roles, types_of
 from are_ros.bag.stretches import GAP_NS, Window
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.conventions import NS_PER_S
@@ -127,10 +127,12 @@ def gather(
     topics = tuple(topic for topic, role in role_of_topic.items() if role == "scan")
     if not topics:
         raise BagError(_no_scan(roles))
+    reader.expect(types_of(role_of_topic))
     frames = {topic: role for topic, role in role_of_topic.items() if role in _FRAME_ROLES}
     window = Window.of(reader, role_of_topic, options.start_s, options.duration_s)
     begin_ns, end_ns = window.start_ns, window.stop_ns
-    first = next(reader.messages(topics, begin_ns, end_ns), None)
+    messages = filter(reader.is_expected, reader.messages(topics, begin_ns, end_ns))
+    first = next(messages, None)
     if first is None:
         raise BagError(f"{', '.join(topics)}: no scan lies in the time that is to be read")
     laser = read_scan(reader.deserialize(first), first.topic).frame_id.lstrip("/")

@@ -14,7 +14,7 @@ from are_ros.bag.clock import (
     first_time,
 )
 from are_ros.bag.reader import BagReader, BagTopic
-from are_ros.bag.roles import ROLE_TYPES, RolesFound, find_roles
+from are_ros.bag.roles import ROLE_TYPES, RolesFound, find_roles, types_of
 from are_ros.bag.stretches import (
     Stretches,
     in_reach,
@@ -25,6 +25,7 @@ from are_ros.bag.stretches import (
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.images.image import read_camera_info
+from are_ros.messages.maps import read_grid
 from are_ros.messages.sensors import SENSORS, lens_topics, noun_of
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.model import PosesParameters, SensorsParameters
@@ -101,6 +102,7 @@ def inspect_bag(
     for topic, role in named.items():
         find_roles(reader.topics, {role: topic})  # refuses what is of another type
     given_edges = tuple(given_edges)
+    reader.expect(types_of(roles.by_topic(ROLE_TYPES) | named))
     frame_ids = _first_frames(reader)
     times = RecordedTimes.read(reader, _timed(reader, roles, named), reader.start_ns, reader.end_ns)
     clock, trouble = _clock(times)
@@ -119,6 +121,7 @@ def inspect_bag(
     waits = list(_waits(times, clock, role_of_topic, map_frame, given_edges, placed))
     missing = [
         *([] if map_topic or has_map_file else [_NO_MAP]),
+        *([] if has_map_file else _useless_map(reader, map_topic)),
         *_other_map_frame(map_topic, map_frame, world_frame),
         *survey.refused,
         *_missing_pose(survey, map_frame, base_frame, reader, roles),
@@ -213,7 +216,7 @@ def _first_frames(reader: BagReader) -> dict[str, str]:
 
 def _first_message(reader: BagReader, topic: str) -> Any:
     """Return the first message of a topic as an object, None if it cannot be understood."""
-    first = next(reader.messages((topic,)), None)
+    first = reader.first(topic)
     try:
         return None if first is None else reader.deserialize(first)
     except AreError:
@@ -255,7 +258,7 @@ def _survey_odometry(
     first = _first_message(reader, topic)
     if first is None or not (first.header.frame_id and first.child_frame_id):
         return
-    for message in reader.messages((topic,)):
+    for message in filter(reader.is_expected, reader.messages((topic,))):
         received_ns = clock.at(message.log_time_ns)
         edge = _edge(first.header.frame_id, first.child_frame_id, received_ns)
         source = TransformSource.ODOMETRY
@@ -264,6 +267,17 @@ def _survey_odometry(
 
 def _edge(parent: str, child: str, stamp_ns: int) -> StampedTransform:
     return StampedTransform(parent, child, stamp_ns, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+
+
+def _useless_map(reader: BagReader, topic: str | None) -> Iterable[str]:
+    """Say why the first map is of no use, if it is not."""
+    first = None if topic is None else reader.first(topic)
+    if topic is None or first is None:
+        return
+    try:
+        read_grid(reader.deserialize(first), topic)
+    except AreError as cause:
+        yield f"the first map is of no use: {cause}"
 
 
 def _other_map_frame(map_topic: str | None, map_frame: str, world_frame: str) -> Iterable[str]:
@@ -282,9 +296,12 @@ def _missing_pose(
     known = ", ".join(survey.frames()) or "none"
     if not base_frame:
         names = " nor ".join(BASE_FRAMES)
+        ends = tuple(f"/{name}" for name in BASE_FRAMES)
+        of_robots = [frame for frame in survey.frames() if frame.endswith(ends)]
+        choice = f"it may be {' or '.join(of_robots)}" if of_robots else f"frames: {known}"
         yield (
             f"there is no frame of the base, neither {names}: give it with --set frames.base:=NAME"
-            f" (frames: {known})"
+            f" ({choice})"
         )
     elif map_frame not in survey.connected_to(base_frame):
         beside = ", ".join(sorted(survey.connected_to(base_frame) - {base_frame}))
@@ -341,7 +358,7 @@ def _missing_cloud_frame(
 def _missing_camera(reader: BagReader, roles: RolesFound) -> Iterable[str]:
     """Say if the first CameraInfo is of no use, or comes late."""
     topic = roles.topic(_CAMERA)
-    first = None if topic is None else next(reader.messages((topic,)), None)
+    first = None if topic is None else reader.first(topic)
     if topic is None or first is None:
         return
     try:

@@ -93,6 +93,39 @@ def test_a_map_in_another_frame_is_said(complete: Path) -> None:
     assert missing[0].startswith("nothing joins map to base_link")
 
 
+def test_a_map_of_no_use_is_said(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """A map without a cell is none; a file in its place ends the word."""
+    empty = make_grid(
+        factory, OccupancyGrid(np.zeros((0, 0), np.int8), 0.5, RigidTransform.identity(), "map")
+    )
+    edges = make_transforms(factory, [transform("map", "base_link", 0)])
+    path = write_bag(tmp_path / "bag.mcap", [("/map", 0, empty), ("/tf_static", 0, edges)])
+    (useless,) = inspected(path).missing
+    assert useless.startswith("the first map is of no use: /map: info.width is 0")
+    assert inspected(path, has_map_file=True).missing == ()
+
+
+def test_messages_of_another_type_on_a_topic_are_passed_over(
+    complete: Path, tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """Somebody published texts on the names of scan, odometry and transforms, before all else."""
+    with BagReader([complete]) as reader:
+        records = [(m.topic, m.log_time_ns, reader.deserialize(m)) for m in reader.messages()]
+        expected = inspect_bag(reader, map_frame="earth")
+    folder = tmp_path / "both"
+    texts = [(topic, 0, factory.make("std_msgs/msg/String")) for topic in ("/front", "/odom")]
+    first, second = (
+        write_bag(folder / name, part) for name, part in (("a.mcap", texts), ("b.mcap", records))
+    )
+    with BagReader([first, second]) as reader:
+        inspection = inspect_bag(reader, map_frame="earth", overrides={"scan": "/front"})
+    assert inspection.missing == ()
+    assert inspection.frames == expected.frames
+    assert inspection.time == expected.time
+
+
 def test_rates_read_well(tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag) -> None:
     """A single message has none, and a rare one is not said to come at 0.0 Hz."""
     records = [("/odom", k * S // 10, odometry(factory, k * S // 10)) for k in range(1001)]
@@ -186,6 +219,10 @@ def test_a_missing_base_is_said(
     path = write_bag(tmp_path / "bag.mcap", [("/tf", 0, make_transforms(factory, edges))])
     assert "(frames: map, robot)" in inspected(path, has_map_file=True).missing[0]
     assert inspected(path, has_map_file=True, base_frame="robot").missing == ()
+    edges = [transform("map", f"robot{k}/base_link", 0) for k in (1, 2)]
+    path = write_bag(tmp_path / "two.mcap", [("/tf", 0, make_transforms(factory, edges))])
+    missing = inspected(path, has_map_file=True).missing[0]
+    assert missing.endswith("(it may be robot1/base_link or robot2/base_link)")
 
 
 def test_odometry_without_child_gives_no_edge(
