@@ -12,6 +12,7 @@ import numpy.typing as npt
 from are_ros.agents.robots import TOO_OLD
 from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.recording import PREFIX
+from are_ros.bag.roles import ROLE_TYPES
 from are_ros.bag.types import OCTOMAP_TYPE, as_ros2, ros2_type
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
@@ -94,7 +95,11 @@ class InputCopy(Listener):
         self._writer = writer
         self._types: dict[str, str] = {}
         for topic in reader.topics:
-            if topic.name in roles and topic.name not in self._types:
+            role = roles.get(topic.name)
+            serves = role is not None and topic.type_name in ROLE_TYPES.get(
+                role, (topic.type_name,)
+            )
+            if serves and topic.name not in self._types:
                 type_name = ros2_type(topic.type_name)
                 self._types[topic.name] = type_name
                 if type_name == OCTOMAP_TYPE:
@@ -103,8 +108,8 @@ class InputCopy(Listener):
                 writer.add_topic(topic.name, type_name, is_latched=is_latched, depth=100)
 
     def take_input(self, message: BagMessage, received_ns: int) -> None:
-        """Append one input; a malformed one is left out, as by the builder."""
-        if message.topic not in self._types:
+        """Append one input; one of another type than its topic's is left out."""
+        if self._types.get(message.topic) != ros2_type(message.connection.msgtype):
             return
         if self._types[message.topic] == OCTOMAP_TYPE:
             self._write_octomap(message, received_ns)
