@@ -122,6 +122,8 @@ class RecordedTimes:
         transforms = _Transforms()
         messages = reader.messages(list(moving), start_ns, stop_ns) if moving else ()
         for message in messages:
+            if not reader.is_expected(message):
+                continue
             logs[message.topic].append(message.log_time_ns)
             if moving[message.topic] == "tf":
                 transforms.take(reader, message)
@@ -247,7 +249,7 @@ def _clock(reader: BagReader, start_ns: int, stop_ns: int) -> list[Times]:
 
 def _odometry_edge(reader: BagReader, topic: str, known: Iterable[Edge]) -> Edge | None:
     """Return (frame, child frame) of the odometry; an empty child means the base."""
-    first = reader.first(topic)
+    first = reader.first_object(topic)
     if first is None or not first.header.frame_id:
         return None
     frames = {frame for edge in known for frame in edge}
@@ -268,8 +270,9 @@ def _static_edges(
 
 
 def _frame_of(reader: BagReader, topic: str) -> str:
-    first = reader.first(topic)
-    return "" if first is None else str(first.header.frame_id).lstrip("/")
+    first = reader.first_object(topic)
+    header = getattr(first, "header", None)
+    return "" if header is None else str(header.frame_id).lstrip("/")
 
 
 _AHEAD_NS = NS_PER_S // 5

@@ -33,7 +33,7 @@ from are_ros.messages.transforms import (
 
 _REINDEX = "it ends too early or is damaged; `rosbag reindex` may repair it"
 _RECOVER = "it ends too early (an interrupted recording?); `mcap recover` may repair it"
-_DATABASE = "it is no rosbag2 database, or a damaged one"
+_DATABASE = "it is no rosbag2 database, or a damaged one; `sqlite3 FILE .recover` may save a part"
 
 _SENTENCES = (
     ("not indexed", "it has no index; `rosbag reindex` makes one"),
@@ -339,19 +339,23 @@ class BagReader:
         """Refuse messages of topics, from now on, whose type is none of theirs."""
         self._expected = dict(types)
 
+    def is_expected(self, message: BagMessage) -> bool:
+        """Return whether a message is of a type that is expected on its topic."""
+        connection = message.connection
+        return connection.msgtype in self._expected.get(connection.topic, (connection.msgtype,))
+
+    def first(self, topic: str) -> BagMessage | None:
+        """Return the first message of a topic that is of an expected type, None without any."""
+        return next(filter(self.is_expected, self.messages((topic,))), None)
+
     def deserialize(self, message: BagMessage) -> Any:
         """Return the message object, its arrays numpy arrays.
 
         BagError if the recording does not say what the type is, InputError for malformed bytes, and
         for a message of another type than expected.
         """
+        self._check_type(message)
         connection = message.connection
-        expected = self._expected.get(connection.topic)
-        if expected is not None and connection.msgtype not in expected:
-            raise InputError(
-                f"{connection.topic}: a message is of type {connection.msgtype}, not"
-                f" {' or '.join(expected)}"
-            )
         store = self._store_of(connection)
         try:
             if self.is_ros1:
@@ -360,16 +364,24 @@ class BagReader:
         except Exception as cause:
             raise _malformed(message, cause) from cause
 
-    def first(self, topic: str) -> Any:
-        """Return the first message of a topic as an object, None if there is none to understand."""
-        message = next(self.messages((topic,)), None)
+    def first_object(self, topic: str) -> Any:
+        """Return the first such message as an object, None if it cannot be understood."""
+        message = self.first(topic)
         try:
             return None if message is None else self.deserialize(message)
         except AreError:
             return None
 
+    def _check_type(self, message: BagMessage) -> None:
+        """Raise InputError if a message is of another type than expected."""
+        if not self.is_expected(message):
+            topic, kind = message.connection.topic, message.connection.msgtype
+            wanted = " or ".join(self._expected[topic])
+            raise InputError(f"{topic}: a message is of type {kind}, not {wanted}")
+
     def transforms(self, message: BagMessage) -> list[StampedTransform]:
         """Return the transforms of a TFMessage; as `deserialize` and `read_transforms`, quicker."""
+        self._check_type(message)
         try:
             if not self.is_ros1 and is_plain_cdr(message.data):
                 return decode_transforms_cdr(message.data)

@@ -261,6 +261,11 @@ def _is_of_type(topic: BagTopic, role: str) -> bool:
     return topic.type_name in ROLE_TYPES[role]
 
 
+def types_of(role_of_topic: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
+    """Return the types of the messages that serve, of the roles by topic."""
+    return {t: ROLE_TYPES[role] for t, role in role_of_topic.items() if role in ROLE_TYPES}
+
+
 def slashed(name: str) -> str:
     """Return a topic's name with its leading slash, which ROS 1 sometimes left out."""
     return name if name.startswith("/") else f"/{name}"

@@ -219,8 +219,8 @@ def needed_wait_s(waits: Mapping[str, Ints], history_s: float) -> float:
     It exceeds the longest wait by at most 0.01 s, and is 0 where no scan waits. Waits beyond 0.75
     `history_s` do not count: `poses.history` is how long poses of artefacts are kept.
     """
-    in_reach = (_in_reach(one, history_s) for one in waits.values())
-    longest_ns = max((int(one.max(initial=0)) for one in in_reach), default=0)
+    known = (in_reach(one, history_s) for one in waits.values())
+    longest_ns = max((int(one.max(initial=0)) for one in known), default=0)
     steps = longest_ns // _WAIT_STEP_NS + 1 if longest_ns else 0
     return round(steps * _WAIT_STEP_NS / NS_PER_S, 2)
 
@@ -232,7 +232,7 @@ def wait_sentence(topic: str, noun: str, waits_ns: Ints, count: int) -> str:
     defaults.
     """
     tf_wait_s, history_s = SensorsParameters().tf_wait, PosesParameters().history
-    known_ns = _in_reach(waits_ns, history_s)
+    known_ns = in_reach(waits_ns, history_s)
     late, lost = len(waits_ns) - len(known_ns), count - len(waits_ns)
     readings = counted(count, noun)
     most = f"more than {_REACH * history_s:g} s, too late for any wait"
@@ -253,5 +253,6 @@ def wait_sentence(topic: str, noun: str, waits_ns: Ints, count: int) -> str:
     return f"{said}; {never}" if never else said
 
 
-def _in_reach(waits_ns: Ints, history_s: float) -> Ints:
+def in_reach(waits_ns: Ints, history_s: float) -> Ints:
+    """Return those of the waits, int64 (N,) [ns], that end while poses of artefacts are kept."""
     return waits_ns[waits_ns < _REACH * history_s * NS_PER_S]

@@ -201,7 +201,9 @@ def _arrivals_text(settings: PopulationParameters, groups_per_s: float) -> str:
     noun, per_minute = "artefacts", 60.0 * groups_per_s
     if settings.group_size > 1.0:
         noun = f"groups of {settings.group_size:g} on average (1 + Poisson)"
-    return f"{per_minute:.3g} {noun} per minute, one every {1.0 / groups_per_s:.3g} s"
+    length_s, unit = time_unit(1.0 / groups_per_s)
+    every = f"one every {1.0 / groups_per_s / length_s:.3g} {unit}"
+    return f"{per_minute:.3g} {noun} per minute, {every}"
 
 
 def _departures_text(settings: PopulationParameters) -> str:

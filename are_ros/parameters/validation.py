@@ -5,13 +5,14 @@ from dataclasses import replace
 from typing import Final
 
 from are_ros.errors import ParameterError
-from are_ros.parameters.choices import OnRobotContact, Region, Shape
+from are_ros.parameters.choices import Appear, OnRobotContact, Region, Shape
 from are_ros.parameters.model import (
     CameraParameters,
     FramesParameters,
     MixtureParameters,
     OcclusionParameters,
     Parameters,
+    PopulationParameters,
     WorldParameters,
 )
 
@@ -28,9 +29,7 @@ def validated(parameters: Parameters) -> Parameters:
     _check_mixture(parameters.mixture)
     _check_mount(parameters.camera)
     _check_cameras(parameters.camera)
-    population = parameters.population
-    if population.region is Region.ZONES and not population.zones:
-        raise ParameterError("population.region is zones, but population.zones names no file")
+    _check_zones(parameters.population)
     _check_target(parameters.occlusion)
     return replace(
         parameters,
@@ -86,6 +85,16 @@ def _check_cameras(camera: CameraParameters) -> None:
             f"{len(rates)} rates, but there is at least one rate, and no more than topics"
         )
         raise ParameterError(message)
+
+
+def _check_zones(population: PopulationParameters) -> None:
+    in_zones = {
+        "population.region": population.region is Region.ZONES,
+        "population.appear": population.appear is Appear.ZONES,
+    }
+    for name, is_zones in in_zones.items():
+        if is_zones and not population.zones:
+            raise ParameterError(f"{name} is zones, but population.zones names no file")
 
 
 def _check_target(occlusion: OcclusionParameters) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
 
@@ -118,9 +119,11 @@ class Catalogue:
         found = tuple(row for row in self.rows if row.label == name)
         found = found or tuple(row for row in self.rows if row.class_name == name)
         if not found:
-            classes = ", ".join(self.class_names)
-            msg = f"the catalogue has no row and no class named {name!r}; its classes are {classes}"
-            raise CatalogueError(msg)
+            labels = dict.fromkeys((*(row.label for row in self.rows), *self.class_names))
+            near = get_close_matches(name, labels, n=1)
+            classes = f"its classes are {', '.join(self.class_names)}"
+            hint = f"did you mean {near[0]!r}?" if near else classes
+            raise CatalogueError(f"the catalogue has no row and no class named {name!r}; {hint}")
         return found
 
     def class_probabilities(

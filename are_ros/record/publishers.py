@@ -2,8 +2,9 @@
 
 import math
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,6 +20,7 @@ from are_ros.bag.types import ros2_type
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, NodeError
 from are_ros.node.message_classes import message_class
+from are_ros.wording import listed
 
 # The options of the player.
 
@@ -239,7 +241,9 @@ def await_subscribers(
                 raise NodeError(f"{message} {options.wait_s:g} s: does it run, and by this name?")
             if passed_s >= report_after_s:
                 is_first = report_after_s <= _SILENT_S
-                say(_waiting(name, passed_s, options.wait_s, is_first=is_first))
+                names = node.get_fully_qualified_node_names()
+                others = sorted({*names} - {node.get_fully_qualified_name()})
+                say(_waiting(name, others, passed_s, options.wait_s, is_first=is_first))
                 report_after_s = passed_s + _SAY_EVERY_S
             if should_stop():
                 return False
@@ -247,13 +251,21 @@ def await_subscribers(
     return _await_connections(node, publishers, bool(options.wait_for), should_stop)
 
 
-def _waiting(name: str, passed_s: float, wait_s: float, *, is_first: bool) -> str:
+def _waiting(
+    name: str, others: Sequence[str], passed_s: float, wait_s: float, *, is_first: bool
+) -> str:
+    """Say which node is waited for, and which `others` there are if it is not among them."""
     if is_first:
-        return (
-            f"waiting for {name} to listen (the first time, ar_builder compiles its kernels"
-            " for a minute or two)"
-        )
-    return f"still waiting for {name} after {passed_s:.0f} s; it is given {wait_s:g} s"
+        said = f"waiting for {name} to listen"
+    else:
+        said = f"still waiting for {name} after {passed_s:.0f} s; it is given {wait_s:g} s"
+    wanted = f"/{name.strip('/')}"
+    if wanted not in others:
+        near = get_close_matches(wanted, others, n=1)
+        known = f"there are {listed(others)}" if others else "there is no other node, either"
+        hint = f"did you mean {near[0]}?" if near else known
+        return f"{said}: no node has this name yet; {hint}"
+    return f"{said} (the first time, ar_builder compiles its kernels for a minute or two)"
 
 
 def _await_connections(

@@ -29,7 +29,14 @@ from are_ros.parameters.ros_yaml import (
 )
 from are_ros.parameters.validation import validated
 from are_ros.population.departures import Cause
-from are_ros.replay.output_folder import METRICS, TIMING, VIEW, all_or_nothing, animation_path
+from are_ros.replay.output_folder import (
+    METRICS,
+    TIMING,
+    VIEW,
+    all_or_nothing,
+    animation_path,
+    remove_earlier_pictures,
+)
 from are_ros.replay.pictures import (
     DECISIONS,
     animate,
@@ -133,6 +140,7 @@ def replay_command(say: Say, **options: Any) -> bool:
         outcome = run_replay(replay, say, bar.open)
     said: list[str] = []
     with all_or_nothing(options["out"]):
+        remove_earlier_pictures(options["out"])
         write_results(outcome, options["out"])
     is_filmed = True
     try:
@@ -213,7 +221,11 @@ def complaints(outcome: Outcome) -> list[str]:
         passed = counted(outcome.scans[topic].passed_through, noun_of(role))
         lines.append(f"{topic}: {passed} passed through unaugmented, the last for: {problem}")
         is_of_time = CLOCKS_DIFFER in problem or WITHOUT_STAMP in problem
-        if _is_bare(outcome.scans[topic]) and not is_of_time:
+        if not _is_bare(outcome.scans[topic]) or is_of_time:
+            continue
+        if topic in outcome.apart or any(name in problem for name in outcome.apart):
+            lines[-1] += "; no --static-tf helps: its stamps and those of the transforms differ"
+        else:
             what = "CameraInfo" if "CameraInfo" in problem else "wait"
             lines[-1] += f"; `are inspect` says which --static-tf or which {what} is missing"
     lines += filter(None, [_about_waiting(outcome)])

@@ -1,12 +1,16 @@
 """Listeners of a replay: they write the recording, keep the record, and check the map."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Final
+
+import numpy as np
+import numpy.typing as npt
 
 from are_ros.agents.robots import TOO_OLD
 from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.recording import PREFIX
-from are_ros.bag.roles import OCTOMAP
+from are_ros.bag.roles import OCTOMAP, ROLE_TYPES
 from are_ros.bag.types import OCTOMAP_TYPE, ros2_type
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
@@ -14,6 +18,7 @@ from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.builder.sensors.point_cloud import PointCloud
 from are_ros.builder.sensors.sensor_path import ReleasedReading
 from are_ros.builder.tick import USUAL, Demand, Tick
+from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import CameraAt, ScanPoints, scan_points
 from are_ros.errors import AreError
 from are_ros.messages.common import read_header
@@ -28,6 +33,8 @@ from are_ros.replay.scene_record import SceneRecorder
 from are_ros.wording import percent
 from are_ros.world.environment import Environment
 from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.scan_matching import NEAR_M
 
 _WITHOUT_TRUTH: Final = SensorsParameters()
 
@@ -85,7 +92,11 @@ class InputCopy(Listener):
         self._writer = writer
         self._types: dict[str, str] = {}
         for topic in reader.topics:
-            if topic.name in roles and topic.name not in self._types:
+            role = roles.get(topic.name)
+            serves = role is not None and topic.type_name in ROLE_TYPES.get(
+                role, (topic.type_name,)
+            )
+            if serves and topic.name not in self._types:
                 type_name = ros2_type(topic.type_name)
                 self._types[topic.name] = type_name
                 if type_name == OCTOMAP_TYPE:
@@ -94,8 +105,8 @@ class InputCopy(Listener):
                 writer.add_topic(topic.name, type_name, is_latched=is_latched, depth=100)
 
     def take_input(self, message: BagMessage, received_ns: int) -> None:
-        """Append one input; a malformed one is left out, as by the builder."""
-        if message.topic not in self._types:
+        """Append one input; one of another type than its topic's is left out."""
+        if self._types.get(message.topic) != ros2_type(message.connection.msgtype):
             return
         if self._types[message.topic] == OCTOMAP_TYPE:
             self._write_octomap(message, received_ns)
@@ -210,7 +221,94 @@ class RecordKeeper(Listener):
         return None if pose is None else scan_points(scan, released.received, pose)
 
 
-# The robot of a recording must stand on free cells: else the map does not belong to it.
+# The scans of a recording must end on walls of the map, and its robot stand on free cells: else the
+# map does not belong to it.
+
+
+_SCAN_PERIOD_NS: Final = NS_PER_S
+"""Of each laser one scan in this time is looked at."""
+_MOST_SCANS: Final = 1000
+_FEWEST_POINTS: Final = 500
+_RETURN_SHARE: Final = 0.995
+"""Many drivers write range_max, or a little less, where nothing is."""
+_LEVEL: Final = 0.995
+"""The least z component of the axis of a laser that is level."""
+_NO_FIT_SHARE: Final = 0.5
+_SHIFTS_M: Final = (1.0, 2.5)
+_SHIFT_ANGLES_RAD: Final = np.arange(8) * math.pi / 4.0 + 0.2
+
+
+class ScanFit:
+    """Keeps where level scans end, and compares with the walls of the last map.
+
+    Scans that fit do so at their place only. Where they end on walls no more often than a metre or
+    two beside it, they have nothing to do with the map.
+    """
+
+    def __init__(self, builder: ArBuilder) -> None:
+        self._builder = builder
+        self._last_ns: dict[str, int] = {}
+        self._ends_m: list[npt.NDArray[np.float32]] = []
+
+    def take(self, readings: Sequence[ReleasedReading]) -> None:
+        """Keep the ends of some scans in the map's frame, as they were received."""
+        for released in readings:
+            scan = released.received or released.reading
+            if not isinstance(scan, LaserScan) or len(self._ends_m) >= _MOST_SCANS:
+                continue
+            last_ns = self._last_ns.get(released.topic)
+            if last_ns is not None and 0 <= scan.stamp_ns - last_ns < _SCAN_PERIOD_NS:
+                continue
+            frames, map_frame = self._builder.frames, self._builder.parameters.frames.map
+            pose = frames.try_lookup(map_frame, scan.frame_id, scan.stamp_ns)
+            if pose is not None and abs(pose.rotation_matrix()[2, 2]) > _LEVEL:
+                self._last_ns[released.topic] = scan.stamp_ns
+                self._ends_m.append(_ends(scan, pose))
+
+    def doubts(self) -> list[str]:
+        """Return half a sentence if the scans do not fit the map, else nothing."""
+        environment = self._builder.world.environment
+        ends_m = np.concatenate(self._ends_m) if self._ends_m else np.empty((0, 2))
+        if environment is None or not environment.classes.occupied.any():
+            return []
+        is_near = _near_walls(environment)
+
+        def share(shift_m: tuple[float, float]) -> float:
+            """Return the share near walls of the ends that lie on the map; NaN of too few."""
+            cells = environment.grid.points_to_cells(ends_m + shift_m)
+            cells = cells[environment.grid.contains(cells)]
+            if len(cells) < _FEWEST_POINTS:
+                return math.nan
+            return float(is_near[cells[:, 0], cells[:, 1]].mean())
+
+        here = share((0.0, 0.0))
+        if not here < _NO_FIT_SHARE:
+            return []
+        shifts = [(r * math.cos(a), r * math.sin(a)) for r in _SHIFTS_M for a in _SHIFT_ANGLES_RAD]
+        beside = [share(shift_m) for shift_m in shifts]
+        if not here <= 1.5 * float(np.nanmedian([here, *beside])):
+            return []
+        return [f"only {percent(here)} of what the scans measured on the map is where it has walls"]
+
+
+def _ends(scan: LaserScan, map_from_laser: RigidTransform) -> npt.NDArray[np.float32]:
+    """Return where the beams of a scan end, float32 (N, 2) in the map's frame [m]."""
+    farthest_m = scan.range_max_m * _RETURN_SHARE
+    returned = np.isfinite(scan.ranges) & (scan.ranges >= scan.range_min_m)
+    returned &= scan.ranges < farthest_m
+    lengths_m = scan.ranges[returned].astype(np.float64)[:, np.newaxis]
+    ends_m = map_from_laser.apply(scan.directions()[returned] * lengths_m)
+    return ends_m[:, :2].astype(np.float32)
+
+
+def _near_walls(environment: Environment) -> npt.NDArray[np.bool_]:
+    """Return which cells are within `NEAR_M` of an occupied one, bool (height, width)."""
+    import cv2  # it takes a while to load
+
+    is_clear = (~environment.classes.occupied).astype(np.uint8)
+    away = cv2.distanceTransform(is_clear, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    near: npt.NDArray[np.bool_] = np.asarray(away) <= NEAR_M / environment.grid.resolution_m + 1.0
+    return near
 
 
 _LEAST_AREA_M2: Final = 3.0
@@ -218,10 +316,11 @@ _LEAST_AREA_M2: Final = 3.0
 
 
 class StandingWatch(Listener):
-    """Looks at each tick whether the cell of the robot's base is free."""
+    """Looks at each tick whether the cell of the robot's base is free, and where scans end."""
 
     def __init__(self, builder: ArBuilder) -> None:
         self._builder = builder
+        self._scans = ScanFit(builder)
         self._ticks = 0
         self._outside_m: list[tuple[float, float]] = []
         self._area_m2 = 0.0
@@ -237,9 +336,13 @@ class StandingWatch(Listener):
         if not _is_free(environment, (x_m, y_m)):
             self._outside_m.append((x_m, y_m))
 
+    def take_readings(self, readings: Sequence[ReleasedReading]) -> None:
+        """Keep where scans end."""
+        self._scans.take(readings)
+
     def sentences(self) -> list[str]:
         """Return a sentence if robot and map do not agree."""
-        doubts = []
+        doubts = self._scans.doubts()
         outside = self._outside()
         if outside > SHARE * self._ticks:
             doubts.append(

@@ -27,6 +27,16 @@ def prepare_folder(folder: Path, results: Sequence[str] = RESULTS) -> None:
             raise BagError(f"--out {folder}: {name} cannot be written, a folder has that name")
 
 
+def remove_earlier_pictures(folder: Path) -> None:
+    """Remove the page and the animation of an earlier run; not every run writes them anew.
+
+    Raises OSError.
+    """
+    for name in (VIEW, ANIMATION):
+        if not (folder / name).is_dir():
+            (folder / name).unlink(missing_ok=True)
+
+
 def prepare_scenario(path: Path) -> None:
     """Make the folder of a scenario; BagError if the files cannot be written."""
     from are_ros.builder.files.scenario_file import scenario_files

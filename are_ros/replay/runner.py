@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 
 from are_ros.bag.reader import BagMessage, BagReader
-from are_ros.bag.roles import ROLE_TYPES
 from are_ros.bag.stretches import Span
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.sensors.sensor_path import ReleasedReading
@@ -56,8 +55,6 @@ class Replay:
         self._skipped_ns = 0
         self._reader = reader
         self._builder = builder
-        roles = self.role_of_topic.items()
-        reader.expect({topic: ROLE_TYPES[role] for topic, role in roles if role in ROLE_TYPES})
         self._stopwatch = stopwatch
         self._tick_rate_hz = options.parameters.builder.tick_rate
         self._schedule = TickSchedule.of(self._tick_rate_hz, self.start_ns)

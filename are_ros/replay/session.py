@@ -67,7 +67,10 @@ Cloud = tuple[npt.NDArray[np.floating], float | None]
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """The result of a replay, and its problems in sentences."""
+    """The result of a replay, and its problems in sentences.
+
+    `apart` names topics and edges ("odom -> base") whose stamps go by another clock.
+    """
 
     options: ReplayOptions
     role_of_topic: Mapping[str, str]
@@ -80,6 +83,7 @@ class Outcome:
     cloud_problem: str
     map_doubts: Sequence[str]
     needed_wait_s: float
+    apart: Collection[str]
     refusals: Refusals
     messages_written: Mapping[str, int]
     stopwatch: Stopwatch
@@ -163,6 +167,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
         _cloud_problem(builder),
         doubts,
         timeline.needed_wait_s,
+        replay.clock.apart,
         replay.feed.refusals,
         counts(),
         stopwatch,

@@ -7,7 +7,7 @@ from typing import Final
 
 from are_ros.bag.clock import BASE_FRAMES, BagClock, RecordedTimes, base_frame_of
 from are_ros.bag.reader import BagReader
-from are_ros.bag.roles import CAMERA, OCTOMAP, RolesFound, slashed
+from are_ros.bag.roles import CAMERA, OCTOMAP, RolesFound, slashed, types_of
 from are_ros.bag.stretches import Stretches, Window, needed_wait_s, scan_waits, stretches_of
 from are_ros.builder.assembly import parse_static_transform
 from are_ros.builder.tick import Demand
@@ -82,6 +82,7 @@ class Timeline:
         Raises BagError where the window holds nothing that moves, or a scan topic is absent.
         """
         role_of_topic = topics_to_read(reader, options, roles)
+        reader.expect(types_of(role_of_topic))
         window = Window.of(reader, role_of_topic, options.start_s, options.duration_s)
         span = window.start_ns, window.stop_ns
         times = RecordedTimes.read(reader, role_of_topic, *span)

@@ -45,6 +45,7 @@ def test_arrivals_per_minute_and_expected_population() -> None:
     """On 200 m^2 the defaults mean 6 arrivals a minute, and 6 alive."""
     text = _text(200.0)
     assert "6 artefacts per minute, one every 10 s" in text
+    assert "0.03 artefacts per minute, one every 33.3 min" in _text(1.0)
     assert "6 expected, 2 to 10 in nine tenths of the time" in text
     assert "Poisson(6), cut at the bound" in text
     assert "so for lives of any law" in text

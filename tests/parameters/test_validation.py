@@ -28,6 +28,10 @@ def test_the_defaults_are_valid() -> None:
             ("population.region is zones, but population.zones names no file",),
         ),
         (
+            {"population.appear": "zones"},
+            ("population.appear is zones, but population.zones names no file",),
+        ),
+        (
             {"occlusion.target": "mesh", "occlusion.shape": "box"},
             ("occlusion.target", "occlusion.shape: mesh"),
         ),

@@ -1,6 +1,7 @@
 """Playing recordings to live topics, over real DDS."""
 
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -422,9 +423,28 @@ def test_who_waits_for_long_is_told_what_for(
     with playing(words, wait_for=("/nobody",)) as run:
         wait_until(lambda: len(run.sentences) > 1, nap)
     first, second = run.sentences[:2]
-    assert first.startswith("waiting for /nobody to listen")
+    assert first.startswith("waiting for /nobody to listen: no node has this name yet; there ")
     assert second.startswith("still waiting for /nobody after ")
-    assert second.endswith("; it is given 600 s")
+    assert "; it is given 600 s: no node has this name yet" in second
+
+
+def test_a_misspelt_node_is_told_from_one_that_is_slow(
+    ros: RosWorld, words: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The nodes that there are tell: the name that was meant, or that it only has to begin."""
+    from are_ros.record import publishers as subscribers
+
+    monkeypatch.setattr(subscribers, "_SILENT_S", 0.3)
+    monkeypatch.setattr(subscribers, "_SAY_EVERY_S", 0.3)
+    listen(ros, ("/nothing_that_is_played",))
+    for name, ends in (("/listner", "did you mean /listener?"), (LISTENER, "a minute or two)")):
+        with ros.spinning(), playing(words, wait_for=(name,)) as run:
+            wait_until(partial(ends_with, run.sentences, ends), nap)
+
+
+def ends_with(sentences: list[str], text: str) -> bool:
+    """Tell whether the last sentence ends with a text."""
+    return bool(sentences) and sentences[-1].endswith(text)
 
 
 def test_falling_behind_is_said(ros: RosWorld, words: Path) -> None:

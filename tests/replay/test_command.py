@@ -106,6 +106,7 @@ def test_complaints_name_topics_and_numbers() -> None:
         cloud_problem="the voxel cloud was not used",
         options=ReplayOptions((), Parameters(), is_wait_given=True),
         needed_wait_s=0.3,
+        apart=frozenset(),
         scans={"/scan": SensorPathCounts(exact=1, passed_through=7)},
         role_of_topic={"/scan": "scan"},
         record=SimpleNamespace(events=()),
@@ -123,6 +124,36 @@ def test_complaints_name_topics_and_numbers() -> None:
         "the voxel cloud was not used",
         "the robot stood in a wall",
     ]
+
+
+@pytest.mark.parametrize(
+    ("apart", "problem", "advice"),
+    [
+        ((), "laser from odom: no way", "`are inspect` says which --static-tf or which wait"),
+        ((), "no CameraInfo", "`are inspect` says which --static-tf or which CameraInfo"),
+        (("/scan",), "odom -> base ends", "no --static-tf helps: its stamps and"),
+        (("odom -> base",), "odom -> base ends", "no --static-tf helps: its stamps and"),
+    ],
+)
+def test_advice_on_bare_scans_is_of_what_is_wrong(
+    apart: tuple[str, ...], problem: str, advice: str
+) -> None:
+    """No transform helps readings whose stamps go by another clock."""
+    outcome: Any = SimpleNamespace(
+        refusals=Refusals(),
+        scan_problems={"/scan": problem},
+        camera_problem="",
+        cloud_problem="",
+        options=ReplayOptions((), Parameters()),
+        needed_wait_s=0.0,
+        apart=apart,
+        scans={"/scan": SensorPathCounts(passed_through=7)},
+        role_of_topic={"/scan": "scan"},
+        record=SimpleNamespace(events=()),
+        map_doubts=[],
+    )
+    (said,) = complaints(outcome)
+    assert f"; {advice}" in said
 
 
 def test_refused_artefacts_are_said_with_their_reasons() -> None:

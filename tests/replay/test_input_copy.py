@@ -80,6 +80,25 @@ def test_topics_without_a_role_are_left_out(
     assert [topic for topic, _, _ in copied(source, tmp_path / "copy.mcap")] == ["/tf"]
 
 
+def test_messages_of_another_type_are_left_out(
+    tmp_path: Path, write_bag: WriteBag, factory: RosbagsFactory
+) -> None:
+    """A topic has one type in the copy, that of its role: also if the other one comes first."""
+    texts = [
+        (topic, 1, factory.make("std_msgs/msg/String", data="x")) for topic in ("/tf", "/odom")
+    ]
+    transforms = factory.make("tf2_msgs/msg/TFMessage")
+    first = write_bag(tmp_path / "a.mcap", texts)
+    second = write_bag(tmp_path / "b.mcap", [("/tf", 2, transforms)])
+    with BagReader([first, second]) as reader, BagWriter(tmp_path / "copy.mcap") as writer:
+        copy = InputCopy(reader, writer, ROLES)
+        for message in reader.messages():
+            copy.take_input(message, message.log_time_ns)
+    with BagReader([tmp_path / "copy.mcap"]) as reader:
+        (topic,) = reader.topics
+        assert (topic.name, topic.type_name, topic.count) == ("/tf", "tf2_msgs/msg/TFMessage", 1)
+
+
 def test_what_came_by_option_is_written_once(
     tmp_path: Path, write_bag: WriteBag, factory: RosbagsFactory
 ) -> None:

@@ -11,6 +11,7 @@ from are_ros.replay.output_folder import (
     picture_beside,
     prepare_folder,
     prepare_scenario,
+    remove_earlier_pictures,
 )
 
 
@@ -44,6 +45,18 @@ def test_a_folder_that_may_not_be_written_is_said(
     monkeypatch.setattr("os.access", lambda *_: False)
     with pytest.raises(BagError, match=r"--out .*: nothing can be written .*permission denied"):
         prepare_folder(tmp_path)
+
+
+def test_pictures_of_an_earlier_run_go(tmp_path: Path) -> None:
+    """Those that not every run writes; a folder of such a name is somebody's own."""
+    for name in ("view.html", "film.gif", "run_view.html"):
+        (tmp_path / name).write_text("")
+    (tmp_path / "animation.gif").symlink_to("film.gif")
+    remove_earlier_pictures(tmp_path)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["film.gif", "run_view.html"]
+    (tmp_path / "animation.gif").mkdir()
+    remove_earlier_pictures(tmp_path)
+    assert (tmp_path / "animation.gif").is_dir()
 
 
 def test_half_a_set_is_no_set(tmp_path: Path) -> None:

@@ -1,5 +1,7 @@
 """Whether a robot stands where its map lets it."""
 
+import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from subprocess import CompletedProcess
@@ -9,11 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from are_ros.builder.sensors.laser_scan import LaserScan
+from are_ros.builder.sensors.sensor_path import ReleasedReading
 from are_ros.parameters.choices import Region
 from are_ros.parameters.model import WorldParameters
-from are_ros.replay.listeners import StandingWatch
+from are_ros.replay.listeners import ScanFit, StandingWatch
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.scan_matching import PlanarPose
 
 RunAre = Callable[..., CompletedProcess[str]]
 
@@ -89,6 +94,67 @@ def test_cells_between_the_thresholds_are_the_reason() -> None:
     row = environment([10, 30, 45, 100])
     (sentence,) = watched([row], [1.5], area_m2=0.5, region=Region.REACHABLE)
     assert "? 50.0 % of its known cells are neither free, up to world.free_thr" in sentence
+
+
+def fitted(
+    at: PlanarPose, *, tilt_rad: float = 0.0, scans: int = 20, occupied: int = 100
+) -> list[str]:
+    """Return what is said of scans of a room on a map of it, from whose frame theirs differs."""
+    room = np.zeros((120, 160), np.int8)
+    room[[0, -1]] = 100
+    room[:, [0, -1]] = 100
+    room[40:44, 90:110] = 100
+    cells = np.minimum(room, occupied).astype(np.int8)
+    grid = OccupancyGrid(cells, 0.05, RigidTransform.identity(), "map")
+    place = SimpleNamespace(grid=grid, classes=classify(grid, 65, 25))
+    step_rad, ways_m = math.radians(2.0), np.arange(0.0, 12.0, 0.01)[:, np.newaxis]
+    angles = np.arange(180) * step_rad
+    cols = ((3.0 + ways_m * np.cos(angles)) / 0.05).astype(int).clip(0, 159)
+    rows = ((3.0 + ways_m * np.sin(angles)) / 0.05).astype(int).clip(0, 119)
+    ranges = 0.01 * (room[rows, cols] == 100).argmax(axis=0).astype(np.float32)
+    laser = RigidTransform.from_xyz_ypr(3.0, 3.0, 0.0, 0.0, tilt_rad, 0.0)
+    pose = RigidTransform.planar(*at) @ laser
+    builder: Any = SimpleNamespace(
+        world=SimpleNamespace(environment=place),
+        parameters=SimpleNamespace(frames=SimpleNamespace(map="map")),
+        frames=SimpleNamespace(try_lookup=lambda *_: pose),
+    )
+    fit, none = ScanFit(builder), np.empty(0, np.float32)
+    for k in range(scans):
+        stamp_ns = k * 10**9
+        scan = LaserScan("laser", stamp_ns, 0.0, 6.25, step_rad, 0.0, 0.1, 0.05, 12.0, ranges, none)
+        fit.take([ReleasedReading("/scan", scan, stamp_ns, is_augmented=False)])
+    return fit.doubts()
+
+
+@pytest.mark.parametrize(
+    ("at", "is_said"),
+    [
+        (PlanarPose(0.0, 0.0, 0.0), False),
+        (PlanarPose(0.05, -0.05, 0.005), False),
+        (PlanarPose(1.0, -2.0, 0.5), True),
+        (PlanarPose(90.0, 0.0, 0.0), False),
+    ],
+)
+def test_scans_that_end_anywhere_but_at_walls_are_said(at: PlanarPose, is_said: bool) -> None:
+    """The map lies elsewhere than the frames of the recording say; centimetres do not matter.
+
+    Of what ends beyond the map nothing is said: a map may be of a part of a place.
+    """
+    said = fitted(at)
+    assert len(said) == is_said
+    for doubt in said:
+        assert re.fullmatch(
+            r"only \S+ % of what the scans measured on the map is where .* walls", doubt
+        )
+
+
+def test_a_tilted_laser_and_few_scans_tell_nothing_of_a_map() -> None:
+    """It sees floor and ceiling; and what was seen once may have been anything."""
+    wrong = PlanarPose(1.0, -2.0, 0.5)
+    assert fitted(wrong, tilt_rad=0.3) == []
+    assert fitted(wrong, scans=2) == []
+    assert fitted(wrong, occupied=0) == []
 
 
 def test_a_replay_says_it_of_a_wrong_frame(

@@ -1,6 +1,7 @@
 """`are align`: the transform between a map and the robot's frames, found by matching scans."""
 
 import math
+import os
 from collections import deque
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.bag.reader import BagMessage, BagReader
-from are_ros.bag.roles import RolesFound, find_roles
+from are_ros.bag.roles import RolesFound, find_roles, types_of
 from are_ros.bag.stretches import GAP_NS, Window
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.conventions import NS_PER_S
@@ -120,10 +121,12 @@ def gather(
     topics = tuple(topic for topic, role in role_of_topic.items() if role == "scan")
     if not topics:
         raise BagError(_no_scan(roles))
+    reader.expect(types_of(role_of_topic))
     frames = {topic: role for topic, role in role_of_topic.items() if role in FRAME_ROLES}
     window = Window.of(reader, role_of_topic, options.start_s, options.duration_s)
     begin_ns, end_ns = window.start_ns, window.stop_ns
-    first = next(reader.messages(topics, begin_ns, end_ns), None)
+    messages = filter(reader.is_expected, reader.messages(topics, begin_ns, end_ns))
+    first = next(messages, None)
     if first is None:
         raise BagError(f"{', '.join(topics)}: no scan lies in the time that is to be read")
     laser = read_scan(reader.deserialize(first), first.topic).frame_id.lstrip("/")
@@ -370,6 +373,8 @@ class AlignOutcome:
 def align_command(echo: Say, say: Say, options: ReplayOptions) -> bool:
     """Run `are align`; return whether there is one answer, and a good one. Raises AreError."""
     out = options.out
+    if out is not None:
+        _prepare_picture(out)
     outcome = align(options, say)
     for notice in outcome.given.notices:
         say(notice)
@@ -377,12 +382,24 @@ def align_command(echo: Say, say: Say, options: ReplayOptions) -> bool:
         echo(text)
     if out is not None:
         try:
-            out.parent.mkdir(parents=True, exist_ok=True)
             draw_outcome(outcome, out)
         except OSError as cause:
             raise BagError(f"--out {out}: it cannot be written ({why_refused(cause)})") from cause
         echo(f"picture      {out}")
     return outcome.is_sure
+
+
+def _prepare_picture(out: Path) -> None:
+    """Make the folder of the picture before the search; BagError if it cannot be written."""
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as cause:
+        raise BagError(f"--out {out}: its folder cannot be made ({why_refused(cause)})") from cause
+    reason = "a folder has that name" if out.is_dir() else ""
+    if not os.access(out if out.exists() else out.parent, os.W_OK):
+        reason = "permission denied"
+    if reason:
+        raise BagError(f"--out {out}: it cannot be written ({reason})")
 
 
 def draw_outcome(outcome: AlignOutcome, path: Path) -> None:

@@ -1,6 +1,6 @@
 """Which roles the topics of a recording play, and what is missing, for `are inspect`."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -13,13 +13,21 @@ from are_ros.bag.clock import (
     first_time,
 )
 from are_ros.bag.reader import BagReader, BagTopic
-from are_ros.bag.roles import CAMERA, OCTOMAP, ROLE_TYPES, RolesFound, find_roles
-from are_ros.bag.stretches import Stretches, scan_waits, stretches_of, wait_sentence
+from are_ros.bag.roles import CAMERA, OCTOMAP, ROLE_TYPES, RolesFound, find_roles, types_of
+from are_ros.bag.stretches import (
+    Stretches,
+    in_reach,
+    scan_waits,
+    stretches_of,
+    wait_sentence,
+)
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.images.image import read_camera_info
+from are_ros.messages.maps import read_grid
 from are_ros.messages.sensors import SENSORS, lens_topics, noun_of
 from are_ros.messages.transforms import StampedTransform
+from are_ros.parameters.model import PosesParameters
 from are_ros.replay.survey.frame_survey import FrameSurvey, FrameSurveyor, hertz, static_tf_option
 from are_ros.replay.survey.recorded_pose import option_of_poses
 from are_ros.replay.timeline import LATE_INPUT_NS, WITHOUT_CAMERA_INFO
@@ -89,6 +97,7 @@ def inspect_bag(
     for topic, role in named.items():
         find_roles(reader.topics, {role: topic})  # refuses what is of another type
     given_edges = tuple(given_edges)
+    reader.expect(types_of(roles.by_topic(ROLE_TYPES) | named))
     frame_ids = _first_frames(reader)
     times = RecordedTimes.read(reader, _timed(reader, roles, named), reader.start_ns, reader.end_ns)
     clock, trouble = _clock(times)
@@ -103,8 +112,11 @@ def inspect_bag(
     world_frame, map_frame = map_frame, of_map or map_frame
     base_frame = base_frame_of(survey.frames(), times.odometry_child)
     role_of_topic = roles.by_topic(_SENSOR_ROLES) | named
+    placed = survey.connected_to(map_frame)
+    waits = list(_waits(times, clock, role_of_topic, map_frame, given_edges, placed))
     missing = [
         *([] if map_topic or has_map_file else [_NO_MAP]),
+        *([] if has_map_file else _useless_map(reader, map_topic)),
         *_other_map_frame(map_topic, map_frame, world_frame),
         *survey.refused,
         *_missing_pose(survey, map_frame, base_frame, reader, roles),
@@ -115,6 +127,8 @@ def inspect_bag(
         *_missing_lenses(reader, role_of_topic),
         *_missing_stamps(times),
         *_missing_repeats(survey, reader.end_ns - reader.start_ns),
+        *_missing_clock(clock),
+        *(sentence for sentence, is_known in waits if not is_known),
     ]
     return Inspection(
         reader.start_ns,
@@ -129,7 +143,7 @@ def inspect_bag(
         (
             *stretches.sentences(reader.start_ns),
             *filter(None, (clock.sentence, clock.disagreement, trouble)),
-            *_waits(times, clock, role_of_topic, map_frame, given_edges),
+            *(sentence for sentence, is_known in waits if is_known),
         ),
     )
 
@@ -165,13 +179,21 @@ def _waits(
     role_of_topic: Mapping[str, str],
     map_frame: str,
     given_edges: Iterable[tuple[str, str]],
-) -> Iterable[str]:
-    """Say how long readings wait for their transforms, where anything joins them to the map."""
+    placed: Collection[str],
+) -> Iterable[tuple[str, bool]]:
+    """Say how long readings wait for their transforms, where anything joins them to the map.
+
+    `placed` are the frames that hang together with the map's. With each sentence comes whether any
+    reading of the topic gets its transform in time, or its clock is said to differ.
+    """
     waits = scan_waits(times, clock, map_frame, given_edges)
     for topic, waits_ns in waits.items():
-        if len(waits_ns):
+        is_stamped = times.scans[topic].stamps_ns.any()
+        if len(waits_ns) or (is_stamped and times.scan_frames[topic] in placed):
             count, noun = len(times.scans[topic].log_ns), noun_of(role_of_topic.get(topic, "scan"))
-            yield wait_sentence(topic, noun, waits_ns, count)
+            known_ns = in_reach(waits_ns, PosesParameters().history)
+            sentence = wait_sentence(topic, noun, waits_ns, count)
+            yield sentence, topic in clock.apart or len(known_ns) > 0
 
 
 def _first_frames(reader: BagReader) -> dict[str, str]:
@@ -181,7 +203,7 @@ def _first_frames(reader: BagReader) -> dict[str, str]:
     for topic in reader.topics:
         if topic.type_name not in types or topic.count == 0:
             continue
-        message = reader.first(topic.name)
+        message = reader.first_object(topic.name)
         if hasattr(message, "header"):
             frames[topic.name] = str(message.header.frame_id).lstrip("/")
     return frames
@@ -219,10 +241,10 @@ def _survey_odometry(
     """Take in the odometry's edge where it has both names (an empty child means the base)."""
     if topic is None:
         return
-    first = reader.first(topic)
+    first = reader.first_object(topic)
     if first is None or not (first.header.frame_id and first.child_frame_id):
         return
-    for message in reader.messages((topic,)):
+    for message in filter(reader.is_expected, reader.messages((topic,))):
         received_ns = clock.at(message.log_time_ns)
         edge = _edge(first.header.frame_id, first.child_frame_id, received_ns)
         source = TransformSource.ODOMETRY
@@ -231,6 +253,17 @@ def _survey_odometry(
 
 def _edge(parent: str, child: str, stamp_ns: int) -> StampedTransform:
     return StampedTransform(parent, child, stamp_ns, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+
+
+def _useless_map(reader: BagReader, topic: str | None) -> Iterable[str]:
+    """Say why the first map is of no use, if it is not."""
+    first = None if topic is None else reader.first(topic)
+    if topic is None or first is None:
+        return
+    try:
+        read_grid(reader.deserialize(first), topic)
+    except AreError as cause:
+        yield f"the first map is of no use: {cause}"
 
 
 def _other_map_frame(map_topic: str | None, map_frame: str, world_frame: str) -> Iterable[str]:
@@ -249,9 +282,12 @@ def _missing_pose(
     known = ", ".join(survey.frames()) or "none"
     if not base_frame:
         names = " nor ".join(BASE_FRAMES)
+        ends = tuple(f"/{name}" for name in BASE_FRAMES)
+        of_robots = [frame for frame in survey.frames() if frame.endswith(ends)]
+        choice = f"it may be {' or '.join(of_robots)}" if of_robots else f"frames: {known}"
         yield (
             f"there is no frame of the base, neither {names}: give it with --set frames.base:=NAME"
-            f" (frames: {known})"
+            f" ({choice})"
         )
     elif map_frame not in survey.connected_to(base_frame):
         beside = ", ".join(sorted(survey.connected_to(base_frame) - {base_frame}))
@@ -308,7 +344,7 @@ def _missing_cloud_frame(
 def _missing_camera(reader: BagReader, roles: RolesFound) -> Iterable[str]:
     """Say if the first CameraInfo is of no use, or comes late."""
     topic = roles.topic(CAMERA)
-    first = None if topic is None else next(reader.messages((topic,)), None)
+    first = None if topic is None else reader.first(topic)
     if topic is None or first is None:
         return
     try:
@@ -340,6 +376,16 @@ def _missing_stamps(times: RecordedTimes) -> Iterable[str]:
         yield (
             f"no message of {listed(unstamped)} has a stamp, so nobody knows when it was: let its"
             " publisher stamp it, and record anew"
+        )
+
+
+def _missing_clock(clock: BagClock) -> Iterable[str]:
+    """Say whose stamps have no clock in common with the others: no option supplies one."""
+    if clock.apart:
+        yield (
+            f"a common clock: the stamps of {listed(sorted(clock.apart))} go by another one than"
+            " those of the others (see time), so that readings and transforms cannot be brought"
+            " together"
         )
 
 

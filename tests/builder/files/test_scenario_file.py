@@ -168,6 +168,8 @@ AT = "at: [1, 2, 3]"
     [
         (AT, "artefact 0: label is missing"),
         (f"label: persn_adult, {AT}", "artefact 0 (persn_adult): label cannot be used"),
+        (f"label: persn_adult, {AT}", "named 'persn_adult'; did you mean 'person_adult'?"),
+        (f"label: zzz, {AT}", "no class named 'zzz'; its classes are pallet, "),
         (f"label: person, {AT}", "label is 'person', a class of several rows; take one of person_"),
         (f"label: person_adult, row: 3, {AT}", "label is given beside row"),
         (f"row: 99, {AT}", "artefact 0 (99): row is 99, but the catalogue has rows 0 to"),

@@ -131,6 +131,20 @@ def test_map_to_odom_is_printed_ready_to_paste(
     assert "hang together already" in again.stderr
 
 
+def test_a_picture_that_cannot_be_written_is_said_before_the_search(
+    run_are: RunAre, tmp_path: Path
+) -> None:
+    """Before anything is read: the recording is not there, either."""
+    (tmp_path / "file").write_text("")
+    for name, reason in (
+        ("file/align.png", "its folder cannot be made (it is a file)"),
+        ("", "it cannot be written (a folder has that name)"),
+    ):
+        done = run_are("align", tmp_path / "no.mcap", "--out", tmp_path / name)
+        assert done.returncode == 1
+        assert reason in done.stderr
+
+
 def test_a_laser_that_is_not_level_is_not_matched(
     run_are: RunAre, small_bag: Callable[..., Path]
 ) -> None:

@@ -93,6 +93,39 @@ def test_a_map_in_another_frame_is_said(complete: Path) -> None:
     assert missing[0].startswith("nothing joins map to base_link")
 
 
+def test_a_map_of_no_use_is_said(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """A map without a cell is none; a file in its place ends the word."""
+    empty = make_grid(
+        factory, OccupancyGrid(np.zeros((0, 0), np.int8), 0.5, RigidTransform.identity(), "map")
+    )
+    edges = make_transforms(factory, [transform("map", "base_link", 0)])
+    path = write_bag(tmp_path / "bag.mcap", [("/map", 0, empty), ("/tf_static", 0, edges)])
+    (useless,) = inspected(path).missing
+    assert useless.startswith("the first map is of no use: /map: info.width is 0")
+    assert inspected(path, has_map_file=True).missing == ()
+
+
+def test_messages_of_another_type_on_a_topic_are_passed_over(
+    complete: Path, tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """Somebody published texts on the names of scan, odometry and transforms, before all else."""
+    with BagReader([complete]) as reader:
+        records = [(m.topic, m.log_time_ns, reader.deserialize(m)) for m in reader.messages()]
+        expected = inspect_bag(reader, map_frame="earth")
+    folder = tmp_path / "both"
+    texts = [(topic, 0, factory.make("std_msgs/msg/String")) for topic in ("/front", "/odom")]
+    first, second = (
+        write_bag(folder / name, part) for name, part in (("a.mcap", texts), ("b.mcap", records))
+    )
+    with BagReader([first, second]) as reader:
+        inspection = inspect_bag(reader, map_frame="earth", overrides={"scan": "/front"})
+    assert inspection.missing == ()
+    assert inspection.frames == expected.frames
+    assert inspection.time == expected.time
+
+
 def test_rates_read_well(tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag) -> None:
     """A single message has none, and a rare one is not said to come at 0.0 Hz."""
     records = [("/odom", k * S // 10, odometry(factory, k * S // 10)) for k in range(1001)]
@@ -134,6 +167,34 @@ def test_stamps_of_another_clock_are_said_once(
     assert said.startswith("map -> odom is stamped up to 5.00 s later than /odom"), said
 
 
+@pytest.mark.parametrize(("late_s", "ahead_s"), [(6, 0), (0, 5), (0, -5)])
+def test_without_a_common_clock_it_cannot_be_replayed_as_it_is(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag, late_s: int, ahead_s: int
+) -> None:
+    """Odometry that was recorded late, and scans stamped ahead or behind, as a replay says."""
+    mounts = [transform("base_link", "laser", 0), transform("map", "odom", 0)]
+    records = [("/tf_static", 10 * S, make_transforms(factory, mounts))]
+    for k in range(100, 200):
+        at_ns = k * S // 10
+        records.append(("/odom", at_ns + late_s * S, odometry(factory, at_ns)))
+        records.append(("/scan", at_ns, scan(factory, at_ns + ahead_s * S)))
+    path = write_bag(tmp_path / "bag.mcap", sorted(records, key=lambda record: record[1]))
+    (missing,) = inspected(path, has_map_file=True).missing
+    assert missing.startswith("a common clock: the stamps of /scan go by another one")
+
+
+def test_transforms_that_never_come_in_time_are_missing(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """Those of all scans: the robot's pose is recorded after the last one only."""
+    mounts = [transform("base_link", "laser", 0), transform("map", "odom", 0)]
+    records = [("/tf_static", 0, make_transforms(factory, mounts))]
+    records += [("/scan", k * S // 10, scan(factory, k * S // 10)) for k in range(10)]
+    records += [("/odom", k * S // 10, odometry(factory, k * S // 10)) for k in range(20, 40)]
+    (never,) = inspected(write_bag(tmp_path / "b.mcap", records), has_map_file=True).missing
+    assert never == "/scan: 10 of 10 scans never get their transform"
+
+
 def test_what_is_missing_is_said_with_its_option(
     tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
 ) -> None:
@@ -157,6 +218,10 @@ def test_a_missing_base_is_said(
     edges = [transform("map", "robot", 0)]
     path = write_bag(tmp_path / "bag.mcap", [("/tf", 0, make_transforms(factory, edges))])
     assert "(frames: map, robot)" in inspected(path, has_map_file=True).missing[0]
+    edges = [transform("map", f"robot{k}/base_link", 0) for k in (1, 2)]
+    path = write_bag(tmp_path / "two.mcap", [("/tf", 0, make_transforms(factory, edges))])
+    missing = inspected(path, has_map_file=True).missing[0]
+    assert missing.endswith("(it may be robot1/base_link or robot2/base_link)")
 
 
 def test_odometry_without_child_gives_no_edge(
