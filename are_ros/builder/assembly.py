@@ -24,7 +24,7 @@ from are_ros.world.cameras import (
 )
 from are_ros.world.footprint import Footprint
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.transforms.edges import TransformSource
+from are_ros.world.transforms.table import TransformSource
 from are_ros.world.transforms.tree import FrameTree
 
 OBSERVER = "robot"

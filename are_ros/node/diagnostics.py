@@ -504,7 +504,7 @@ class Reporter:
     def _stamps_ahead_s(self, builder: ArBuilder) -> float | None:
         """Return how much later than the node's time the newest transform is stamped."""
         clock_ns = int(self._node.get_clock().now().nanoseconds)
-        stamps_ns = [edge.newest_ns for edge in builder.frames.edges() if not edge.is_static]
+        stamps_ns = [edge.last_ns for edge in builder.frames.edges() if not edge.is_static]
         return (max(stamps_ns) - clock_ns) / NS_PER_S if stamps_ns and clock_ns else None
 
     def _population(self, builder: ArBuilder, now_ns: int) -> PopulationSnapshot:

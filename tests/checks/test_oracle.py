@@ -24,7 +24,7 @@ from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.footprint import Footprint, penetration_m
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
-from are_ros.world.transforms.edges import TransformSource
+from are_ros.world.transforms.table import TransformSource
 from are_ros.world.transforms.tree import FrameTree
 from are_ros.world.voxel_map import VoxelMap
 from tests.world.overlapping import overlaps

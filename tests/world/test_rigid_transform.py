@@ -65,12 +65,12 @@ def test_the_identity_changes_nothing() -> None:
 
 
 def test_its_arrays_are_read_only() -> None:
-    """Neither array of a transform can be written to."""
-    transform = RigidTransform.identity()
-    with pytest.raises(ValueError, match="read-only"):
-        transform.translation_m[0] = 1.0
-    with pytest.raises(ValueError, match="read-only"):
-        transform.rotation_xyzw[0] = 1.0
+    """Neither array of a transform can be written to, however it was made."""
+    for transform in (RigidTransform.identity(), RigidTransform.adopt(np.eye(7)[6])):
+        with pytest.raises(ValueError, match="read-only"):
+            transform.translation_m[0] = 1.0
+        with pytest.raises(ValueError, match="read-only"):
+            transform.rotation_xyzw[0] = 1.0
 
 
 def test_checked_numbers_are_normalised() -> None:

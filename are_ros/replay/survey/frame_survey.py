@@ -9,7 +9,7 @@ from are_ros.conventions import NS_PER_S
 from are_ros.messages.transforms import StampedTransform
 from are_ros.wording import counted, listed
 from are_ros.world.rigid_transform import why_invalid
-from are_ros.world.transforms.edges import TransformSource
+from are_ros.world.transforms.table import TransformSource
 
 _SOURCE_NAMES: Final = {
     TransformSource.ODOMETRY: "odometry",

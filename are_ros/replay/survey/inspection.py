@@ -32,7 +32,7 @@ from are_ros.replay.survey.frame_survey import FrameSurvey, FrameSurveyor, hertz
 from are_ros.replay.survey.recorded_pose import option_of_poses
 from are_ros.replay.timeline import LATE_INPUT_NS, WITHOUT_CAMERA_INFO
 from are_ros.wording import aligned, counted, listed, section
-from are_ros.world.transforms.edges import TransformSource
+from are_ros.world.transforms.table import TransformSource
 
 _SENSOR_ROLES = (*SENSORS, CAMERA)
 _GIVEN = "given"

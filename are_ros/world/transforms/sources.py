@@ -1,37 +1,51 @@
-"""What one source says of one edge, checked, and which of several sources holds."""
+"""What one source says of one edge, checked."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 from are_ros.errors import InvalidTransformError
-from are_ros.world.rigid_transform import Pose, Values, inverted, normalised, why_invalid
-from are_ros.world.transforms.edges import Edge, TransformSource
+from are_ros.world.rigid_transform import Values, normalised, why_invalid
+from are_ros.world.transforms.lookup import Pose, inverted
+from are_ros.world.transforms.table import Edge, EdgeTable, FrameNames, TransformSource
 
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """The pose parent_from_child at a stamp [ns] (0 if static)."""
+    """The pose parent_from_child at a stamp [ns] (0 if static), frames by number."""
 
-    parent: str
-    child: str
+    parent: int
+    child: int
     stamp_ns: int
     pose: Pose
     source: TransformSource
     is_static: bool
 
+    def turned_round(self) -> "Claim":
+        """Return the same claim with parent and child exchanged."""
+        pose = inverted(self.pose)
+        return Claim(self.child, self.parent, self.stamp_ns, pose, self.source, self.is_static)
+
 
 def checked_pose(parent: str, child: str, translation_m: Values, rotation_xyzw: Values) -> Pose:
     """Return the seven numbers, the quaternion normalised, or raise InvalidTransformError."""
-    x, y, z = map(float, translation_m)
-    i, j, k, w = map(float, rotation_xyzw)
-    above, below = parent.lstrip("/"), child.lstrip("/")
+    x, y, z = translation_m
+    i, j, k, w = rotation_xyzw
     reason = why_invalid(x, y, z, i, j, k, w)
-    if reason is None and not (above and below):
-        reason = "a frame's name is empty"
-    if reason is None and above == below:
-        reason = "parent and child are the same frame"
+    if parent == child or parent[:1] in _SUSPICIOUS or child[:1] in _SUSPICIOUS:
+        reason = reason or _why_names_invalid(parent.lstrip("/"), child.lstrip("/"))
     if reason is not None:
         raise InvalidTransformError(f"the transform {parent} -> {child} is refused: {reason}")
-    return x, y, z, *normalised(i, j, k, w)
+    i, j, k, w = normalised(i, j, k, w)
+    return x, y, z, i, j, k, w
+
+
+_SUSPICIOUS = ("", "/")
+
+
+def _why_names_invalid(parent: str, child: str) -> str | None:
+    if not parent or not child:
+        return "a frame's name is empty"
+    return "parent and child are the same frame" if parent == child else None
 
 
 _NAMES = {
@@ -62,10 +76,11 @@ class Notices:
 
 
 class Precedence:
-    """The rules between sources, over the edges of one tree by their child frames."""
+    """The rules above, over one table."""
 
-    def __init__(self, edges: dict[str, Edge], notices: Notices) -> None:
-        self._edges = edges
+    def __init__(self, table: EdgeTable, names: FrameNames, notices: Notices) -> None:
+        self._table = table
+        self._names = names
         self._notices = notices
 
     def admit(self, claim: Claim) -> Claim | None:
@@ -77,7 +92,7 @@ class Precedence:
         turned = self._along_the_pair(claim)
         if turned is None or self._is_overruled(turned):
             return None
-        edge = self._edges.get(turned.child)
+        edge = self._table.edges.get(turned.child)
         if edge is not None and edge.source == turned.source:
             self._say_changed(edge, turned)
             if edge.parent == turned.parent:
@@ -88,34 +103,38 @@ class Precedence:
 
     def _along_the_pair(self, claim: Claim) -> Claim | None:
         """Turn a claim round if the pair's edge points the other way; None if it is overruled."""
-        reverse = self._edges.get(claim.parent)
+        reverse = self._table.edges.get(claim.parent)
         if reverse is None or reverse.parent != claim.child:
             return claim
-        child_is_free = claim.child not in self._edges
+        child_is_free = claim.child not in self._table.edges
         if claim.source > reverse.source and child_is_free:
             self._say_overruled(reverse.parent, reverse.child, reverse.source, claim.source)
-            del self._edges[reverse.child]
+            self._table.drop(reverse.child)
             return claim
         if claim.source < reverse.source:
             self._say_overruled(claim.parent, claim.child, claim.source, reverse.source)
             if child_is_free and reverse.is_static and reverse.source == TransformSource.PARAMETER:
-                # tf may give the child's own parent, if a parameter's edge points the way tf does.
-                del self._edges[reverse.child]
-                pose, source = inverted(reverse.poses[0]), reverse.source
-                self._edges[claim.child] = Edge(
-                    claim.child, source, True, [0], [claim.parent], [pose]
-                )
+                self._flip(reverse)
             return None
+        parent, child = self._names[claim.parent], self._names[claim.child]
         self._notices.say(
-            f"the transform {claim.parent} -> {claim.child} from {_NAMES[claim.source]} is kept as "
-            f"{claim.child} -> {claim.parent}, as this pair of frames was given before"
+            f"the transform {parent} -> {child} from {_NAMES[claim.source]} is kept as "
+            f"{child} -> {parent}, as this pair of frames was given before"
         )
-        pose = inverted(claim.pose)
-        return replace(claim, parent=claim.child, child=claim.parent, pose=pose)
+        return claim.turned_round()
+
+    def _flip(self, edge: Edge) -> None:
+        """Point a parameter's edge the way tf does, so that tf may give the child's own parent."""
+        pose = self._table.pose_of(edge.first)
+        claim = Claim(edge.parent, edge.child, 0, pose, edge.source, is_static=True)
+        turned = claim.turned_round()
+        self._table.drop(edge.child)
+        flipped = self._table.open(turned.child, turned.parent, edge.source, is_static=True)
+        self._table.hold(flipped, turned.parent, turned.pose)
 
     def _is_overruled(self, claim: Claim) -> bool:
         """Tell whether a stronger source gives the child's parent; say so, either way."""
-        edge = self._edges.get(claim.child)
+        edge = self._table.edges.get(claim.child)
         if edge is None or edge.source == claim.source:
             return False
         if edge.source > claim.source:
@@ -124,18 +143,26 @@ class Precedence:
         self._say_overruled(edge.parent, edge.child, edge.source, claim.source)
         return False
 
+    def _ancestry(self, frame: int) -> Iterator[Edge]:
+        """Yield the edges from a frame up, by their newest parents, each once."""
+        for _ in range(len(self._names)):
+            edge = self._table.edges.get(frame)
+            if edge is None:
+                return
+            yield edge
+            frame = edge.parent
+
     def _opens_loop(self, claim: Claim) -> bool:
         """Drop the weakest edge of a loop that the claim would close; False: all are as strong."""
-        path: dict[str, Edge] = {}
-        frame = claim.parent
-        while frame != claim.child:
-            edge = self._edges.get(frame)
-            if edge is None or frame in path:
-                return True
-            path[frame] = edge
-            frame = edge.parent
-        weakest = min(path.values(), key=lambda edge: edge.source)
-        parent, child = claim.parent, claim.child
+        path = []
+        for edge in self._ancestry(claim.parent):
+            path.append(edge)
+            if edge.parent == claim.child:
+                break
+        else:
+            return True
+        weakest = min(path, key=lambda edge: edge.source)
+        parent, child = self._names[claim.parent], self._names[claim.child]
         if weakest.source >= claim.source:
             self._notices.say(
                 f"the transform {parent} -> {child} from {_NAMES[claim.source]} is ignored: it "
@@ -143,24 +170,24 @@ class Precedence:
             )
             return False
         self._say_overruled(weakest.parent, weakest.child, weakest.source, claim.source)
-        del self._edges[weakest.child]
+        self._table.drop(weakest.child)
         return True
 
     def _say_overruled(
-        self, parent: str, child: str, weaker: TransformSource, stronger: TransformSource
+        self, parent: int, child: int, weaker: TransformSource, stronger: TransformSource
     ) -> None:
         self._notices.say(
-            f"the transform {parent} -> {child} from {_NAMES[weaker]} "
+            f"the transform {self._names[parent]} -> {self._names[child]} from {_NAMES[weaker]} "
             f"is overruled by {_NAMES[stronger]}"
         )
 
     def _say_changed(self, edge: Edge, claim: Claim) -> None:
         """Tell of a new parent, and of a stamped transform that turns static or back."""
-        child, source = claim.child, _NAMES[claim.source]
+        child, source = self._names[claim.child], _NAMES[claim.source]
         if edge.parent != claim.parent:
             self._notices.say(
-                f"{source} gave {child} a new parent: {claim.parent} instead of "
-                f"{edge.parent}, from its stamp on"
+                f"{source} gave {child} a new parent: {self._names[claim.parent]} instead of "
+                f"{self._names[edge.parent]}, from its stamp on"
             )
         if edge.is_static != claim.is_static:
             kind = "static" if claim.is_static else "stamped"

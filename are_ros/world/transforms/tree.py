@@ -1,9 +1,10 @@
 """The tree of frames over time, in place of tf2 (section 3.1, Frames)."""
 
-import math
-from typing import Final, NamedTuple, NoReturn
+from dataclasses import dataclass
+from typing import Final, NoReturn
 
 import numpy as np
+import numpy.typing as npt
 
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import (
@@ -11,18 +12,37 @@ from are_ros.errors import (
     ExtrapolationToFutureError,
     ExtrapolationToPastError,
     FrameError,
-    UnknownFrameError,
 )
-from are_ros.world.rigid_transform import Pose, RigidTransform, Values, composed, inverted
-from are_ros.world.transforms.edges import Edge, TransformSource
+from are_ros.world.rigid_transform import RigidTransform, Values
+from are_ros.world.transforms.lookup import (
+    FUTURE,
+    LOOP,
+    NO_LIMIT,
+    PAST,
+    STATUSES,
+    latest_not_after,
+    look_up,
+)
 from are_ros.world.transforms.sources import Claim, Notices, Precedence, checked_pose
+from are_ros.world.transforms.table import Edge, EdgeTable, FrameNames, TransformSource
 
-__all__ = ["STATIC", "FrameTree", "TransformSource"]
+__all__ = ["STATIC", "FrameEdge", "FrameTree", "TransformSource"]
 
-STATIC: Final = 2**63 - 1
-"""The latest common time of a chain of static edges: the largest int64, valid as a stamp there."""
 
-_UNMOVED: Final[Pose] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+@dataclass(frozen=True)
+class FrameEdge:
+    """An edge as `are inspect` shows it; a static one has stamps 0 and a count of 1.
+
+    `parent` is that of the newest sample; stamps are those of the first and last sample kept [ns].
+    """
+
+    parent: str
+    child: str
+    source: TransformSource
+    is_static: bool
+    first_ns: int
+    last_ns: int
+    count: int
 
 
 def in_seconds(stamp_ns: int) -> str:
@@ -30,16 +50,10 @@ def in_seconds(stamp_ns: int) -> str:
     return f"{stamp_ns // NS_PER_S}.{stamp_ns % NS_PER_S:09d} s"
 
 
-class _Climb(NamedTuple):
-    """The way up from a frame at a stamp: the frames passed, the end included, and the edges.
+Floats = npt.NDArray[np.float64]
 
-    Each edge comes with its sample in force. `beyond` is the edge that has none at that stamp and
-    ends the way, None at a root.
-    """
-
-    frames: list[str]
-    steps: list[tuple[Edge, int]]
-    beyond: Edge | None
+STATIC: Final = NO_LIMIT
+"""The latest common time of a chain of static edges: the largest int64, valid as a stamp there."""
 
 
 class FrameTree:
@@ -68,10 +82,12 @@ class FrameTree:
 
     def clear(self) -> None:
         """Forget all frames and transforms, the static ones too."""
+        self._said_overruled: set[tuple[int, TransformSource]] = set()
         self.changes += 1
-        self._edges: dict[str, Edge] = {}
-        self._names: set[str] = set()
-        self._precedence = Precedence(self._edges, self._notices)
+        self._table = EdgeTable(self._history_ns)
+        self._names = FrameNames()
+        self._numbers = self._names.numbers
+        self._precedence = Precedence(self._table, self._names, self._notices)
 
     def forget_after(self, now_ns: int) -> None:
         """Forget the samples stamped after `now_ns` (the clock jumped back to there).
@@ -79,10 +95,7 @@ class FrameTree:
         Static transforms stay, names too; an edge that is left without samples is gone.
         """
         self.changes += 1
-        for edge in [edge for edge in self._edges.values() if not edge.is_static]:
-            edge.forget_after(now_ns)
-            if not edge.stamps_ns:
-                del self._edges[edge.child]
+        self._table.forget_after(now_ns)
 
     def drain_notices(self) -> list[str]:
         """Return what was overruled, turned round, re-parented or dropped since the last call.
@@ -108,21 +121,21 @@ class FrameTree:
         are the same.
         """
         pose = checked_pose(parent, child, translation_m, rotation_xyzw)
-        claim = self._admitted(parent, child, stamp_ns, pose, source, is_static=False)
-        if claim is None:
-            return
-        edge = self._edges.get(claim.child)
-        if edge is None or edge.is_static or edge.source != source:
-            self._open(claim)
-        elif stamp_ns > edge.newest_ns:
-            edge.append(claim.parent, stamp_ns, claim.pose, self._history_ns)
-        elif stamp_ns >= edge.newest_ns - self._history_ns:
-            edge.insert(claim.parent, stamp_ns, claim.pose)
-        else:
-            self._notices.say(
-                f"transforms of {claim.child} older than the history of "
-                f"{self._history_ns / NS_PER_S:g} s are dropped"
-            )
+        self.changes += 1
+        numbers, table = self._numbers, self._table
+        above, below = numbers.get(parent), numbers.get(child)
+        if above is not None and below is not None:
+            edge = table.edges.get(below)
+            if edge is not None and edge.parent == above:
+                if edge.source == source and not edge.is_static and stamp_ns > edge.newest_ns:
+                    table.append(edge, above, stamp_ns, pose)
+                    return
+                if edge.source > source and (below, source) in self._said_overruled:
+                    return
+                if edge.source > source:
+                    self._said_overruled.add((below, source))
+        above, below = self._number_pair(parent, child)
+        self._receive(Claim(above, below, stamp_ns, pose, source, is_static=False))
 
     def set_static(
         self,
@@ -134,10 +147,13 @@ class FrameTree:
         source: TransformSource = TransformSource.TF,
     ) -> None:
         """Take parent_from_child for all times; arguments and errors as in `set_transform`."""
+        self.changes += 1
         pose = checked_pose(parent, child, translation_m, rotation_xyzw)
-        claim = self._admitted(parent, child, 0, pose, source, is_static=True)
-        if claim is not None:
-            self._open(claim)
+        above, below = self._number_pair(parent, child)
+        claim = Claim(above, below, 0, pose, source, is_static=True)
+        admitted = self._precedence.admit(claim)
+        if admitted is not None:
+            self._table.hold(self._edge_for(admitted), admitted.parent, admitted.pose)
 
     def lookup(self, target: str, source: str, stamp_ns: int) -> RigidTransform:
         """Return target_from_source at the stamp: it takes points of `source` into `target`.
@@ -146,20 +162,33 @@ class FrameTree:
         ExtrapolationToFutureError, as tf2 would fail. Equal frames give the identity, at any time,
         if the frame is known (tf2 asks no such thing: the one departure).
         """
-        down, up = self._chain(target, source, stamp_ns)
-        pose = _along(up, stamp_ns)
-        if down:
-            pose = composed(inverted(_along(down, stamp_ns)), pose)
-        x, y, z, i, j, k, w = pose
-        scale = 1.0 / math.sqrt(i * i + j * j + k * k + w * w)
-        return RigidTransform(np.array((x, y, z)), scale * np.array((i, j, k, w)))
+        values = np.empty(7)
+        self.lookup_into(target, source, stamp_ns, values)
+        return RigidTransform.adopt(values)
 
     def try_lookup(self, target: str, source: str, stamp_ns: int) -> RigidTransform | None:
         """Return what `lookup` does, or None where it would raise, for callers that can wait."""
-        try:
-            return self.lookup(target, source, stamp_ns)
-        except FrameError:
+        numbers = self._numbers
+        to, of = numbers.get(target.lstrip("/")), numbers.get(source.lstrip("/"))
+        if to is None or of is None:
             return None
+        values = np.empty(7)
+        status = look_up(self._table.samples, self._table.frames, to, of, stamp_ns, values)
+        return None if status else RigidTransform.adopt(values)
+
+    def lookup_into(self, target: str, source: str, stamp_ns: int, out: Floats) -> None:
+        """Write what `lookup` returns into `out`, float64 (7,), C order: x y z, then x y z w.
+
+        The quickest form, for callers that keep an array; `out` is as before where it raises.
+        """
+        table, numbers = self._table, self._numbers
+        try:
+            to, of = numbers[target], numbers[source]
+        except KeyError:
+            to, of = self._names.number(target), self._names.number(source)
+        status = look_up(table.samples, table.frames, to, of, stamp_ns, out)
+        if status:
+            self._fail(status, target, source, stamp_ns)
 
     def lookup_held(self, target: str, fixed: str, source: str, stamp_ns: int) -> RigidTransform:
         """Return target_from_source by way of `fixed`: the first part held, the second exact.
@@ -201,104 +230,75 @@ class FrameTree:
         UnknownFrameError; DisconnectedFramesError; ExtrapolationToPastError where some edge begins
         after t.
         """
-        limit_ns = now_ns
-        while True:
-            down, up = self._chain(target, source, limit_ns, holds=True)
-            newest_ns = [edge.newest_ns for edge, _ in (*up, *down) if not edge.is_static]
-            lowered_ns = min(newest_ns, default=limit_ns)
-            if lowered_ns >= limit_ns:
-                return limit_ns
-            limit_ns = lowered_ns
+        to, of = self._names.number(target), self._names.number(source)
+        table = self._table
+        status, stamp_ns = latest_not_after(table.samples, table.frames, to, of, now_ns)
+        if status:
+            self._fail(status, target, source, stamp_ns)
+        return int(stamp_ns)
 
     def has_frame(self, name: str) -> bool:
         """Tell whether a transform ever named this frame, as parent or as child."""
-        return name.lstrip("/") in self._names
+        return name in self._names
 
-    def edges(self) -> list[Edge]:
-        """Return the edges that hold now, sorted by parent and child; nobody writes to them."""
-        return sorted(self._edges.values(), key=lambda edge: (edge.parent, edge.child))
+    def edges(self) -> list[FrameEdge]:
+        """Return the edges that hold now, sorted by parent and child."""
+        names, stamp_of = self._names, self._table.stamp_of
+        listed = [
+            FrameEdge(
+                names[edge.parent],
+                names[edge.child],
+                edge.source,
+                edge.is_static,
+                stamp_of(edge.first),
+                stamp_of(edge.end - 1),
+                edge.end - edge.first,
+            )
+            for edge in self._table.edges.values()
+        ]
+        return sorted(listed, key=lambda edge: (edge.parent, edge.child))
 
-    def _admitted(
-        self,
-        parent: str,
-        child: str,
-        stamp_ns: int,
-        pose: Pose,
-        source: TransformSource,
-        *,
-        is_static: bool,
-    ) -> Claim | None:
-        """Return what is to be stored of a transform, None where it is ignored."""
-        self.changes += 1
-        above, below = parent.lstrip("/"), child.lstrip("/")
-        self._names |= {above, below}
-        return self._precedence.admit(Claim(above, below, stamp_ns, pose, source, is_static))
+    def _receive(self, claim: Claim) -> None:
+        """Store a stamped claim that is new in some way: edge, parent, source or order."""
+        admitted = self._precedence.admit(claim)
+        if admitted is None:
+            return
+        edge, stamp_ns = self._edge_for(admitted), admitted.stamp_ns
+        if edge.end == edge.first or stamp_ns > edge.newest_ns:
+            self._table.append(edge, admitted.parent, stamp_ns, admitted.pose)
+        elif not self._table.insert(edge, admitted.parent, stamp_ns, admitted.pose):
+            self._notices.say(
+                f"transforms of {self._names[edge.child]} older than the history of "
+                f"{self._history_ns / NS_PER_S:g} s are dropped"
+            )
 
-    def _open(self, claim: Claim) -> None:
-        """Make a new edge of a claim, in place of the child's old one."""
-        stamps_ns, parents, poses = [claim.stamp_ns], [claim.parent], [claim.pose]
-        self._edges[claim.child] = Edge(
-            claim.child, claim.source, claim.is_static, stamps_ns, parents, poses
-        )
+    def _edge_for(self, claim: Claim) -> Edge:
+        """Return the edge to write to; a fresh one where source or kind is another."""
+        edge = self._table.edges.get(claim.child)
+        if edge is None or (edge.source, edge.is_static) != (claim.source, claim.is_static):
+            edge = self._table.open(
+                claim.child, claim.parent, claim.source, is_static=claim.is_static
+            )
+        return edge
 
-    def _chain(
-        self, target: str, source: str, stamp_ns: int, *, holds: bool = False
-    ) -> tuple[list[tuple[Edge, int]], list[tuple[Edge, int]]]:
-        """Return the edges up from target and from source, to the first frame that both have.
+    def _number_pair(self, parent: str, child: str) -> tuple[int, int]:
+        numbers = self._names.number_or_add(parent), self._names.number_or_add(child)
+        self._table.reserve_frame(max(numbers))
+        return numbers
 
-        With `holds` the newest sample of an edge stands for what comes after it. Where the ways do
-        not meet, the target's failure is raised first, as in tf2.
-        """
-        down = self._climbed(self._known(target), stamp_ns, holds=holds)
-        up = self._climbed(self._known(source), stamp_ns, holds=holds)
-        if down and up:
-            for j, frame in enumerate(down.frames):
-                if frame in up.frames:
-                    return down.steps[:j], up.steps[: up.frames.index(frame)]
+    def _fail(self, status: int, target: str, source: str, stamp_ns: int) -> NoReturn:
+        """Raise the error of a kernel's status."""
         when = "the latest time" if stamp_ns == STATIC else in_seconds(stamp_ns)
         asked = f"{target} from {source} at {when}"
-        if not (down and up):
+        frame, reason = divmod(status, STATUSES)
+        if reason == LOOP:
             raise DisconnectedFramesError(f"{asked}: the transforms at that time close a loop")
-        if edge := down.beyond or up.beyond:
-            _refuse_extrapolation(asked, edge, stamp_ns)
-        raise DisconnectedFramesError(f"{asked}: no chain of transforms joins these frames")
-
-    def _climbed(self, frame: str, stamp_ns: int, *, holds: bool) -> _Climb | None:
-        """Follow the parents at the stamp up from a frame; None where they close a loop."""
-        frames, steps = [frame], list[tuple[Edge, int]]()
-        while (edge := self._edges.get(frame)) is not None:
-            row = edge.row_at(stamp_ns)
-            is_after = not edge.is_static and stamp_ns > edge.newest_ns
-            if row < 0 or (is_after and not holds):
-                return _Climb(frames, steps, edge)
-            frame = edge.parents[row]
-            if frame in frames:
-                return None
-            frames.append(frame)
-            steps.append((edge, row))
-        return _Climb(frames, steps, None)
-
-    def _known(self, name: str) -> str:
-        """Return a frame's name without leading slashes, or raise UnknownFrameError."""
-        plain = name.lstrip("/")
-        if plain not in self._names:
-            known = ", ".join(sorted(self._names)) or "none"
-            raise UnknownFrameError(f"frame {name!r} was never seen; known frames: {known}")
-        return plain
-
-
-def _along(steps: list[tuple[Edge, int]], stamp_ns: int) -> Pose:
-    """Return the composed pose of edges: top_from_start."""
-    pose = _UNMOVED
-    for edge, row in steps:
-        pose = composed(edge.pose_at(row, stamp_ns), pose)
-    return pose
-
-
-def _refuse_extrapolation(asked: str, edge: Edge, stamp_ns: int) -> NoReturn:
-    name = f"{edge.parent} -> {edge.child}"
-    if stamp_ns > edge.newest_ns:
-        end = in_seconds(edge.newest_ns)
-        raise ExtrapolationToFutureError(f"{asked}: {name} ends at {end}")
-    begin = in_seconds(edge.stamps_ns[0])
-    raise ExtrapolationToPastError(f"{asked}: {name} begins at {begin}")
+        if reason not in {PAST, FUTURE}:
+            raise DisconnectedFramesError(f"{asked}: no chain of transforms joins these frames")
+        edge = self._table.edges[frame]
+        name = f"{self._names[edge.parent]} -> {self._names[edge.child]}"
+        if reason == FUTURE:
+            end = in_seconds(edge.newest_ns)
+            raise ExtrapolationToFutureError(f"{asked}: {name} ends at {end}")
+        begin = in_seconds(self._table.stamp_of(edge.first))
+        raise ExtrapolationToPastError(f"{asked}: {name} begins at {begin}")
