@@ -1,12 +1,11 @@
 """Placement: a pose for an arrival, uniform over the feasible poses (section 3.2).
 
-`Placer` draws random poses until one is feasible. It prefers poses from which the artefact can
-depart: a body that rotates on the spot needs a free disc; a vehicle needs free space that is
-connected over some metres, and a free first arc, for between two walls it could never move.
+`Placer` draws random poses until one is feasible; where none is found, it searches a lattice of
+poses. Both prefer poses from which the artefact can depart.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final, NamedTuple
@@ -15,23 +14,19 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import compiled
-from are_ros.agents.behaviours.situation import Standing
-from are_ros.agents.local_planner.body import TIGHTEST, Body
-from are_ros.agents.mdp.coarse_kernels import exact_room
-from are_ros.agents.mdp.coarse_map import rounded_up_m
-from are_ros.agents.navigation.destinations import APART_M
-from are_ros.agents.navigation.profile import NavigationProfile
-from are_ros.agents.navigation.terrain import Terrain, Terrains, rolls
+from are_ros.agents.navigation.terrain import Terrains
+from are_ros.builder.spawning._departure_constraint import (
+    DepartureConstraint,
+    departure_constraint_of,
+)
 from are_ros.population.artefact import GroundPose, shape_of
 from are_ros.population.catalogue import CatalogueRow
-from are_ros.world.boxes import TOUCH_TOLERANCE_M, OrientedBoxes, overlaps_any
+from are_ros.world.boxes import OrientedBoxes, overlaps_any
 from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint, signed_distance_m
-from are_ros.world.lattice_cover import TWO_HALF_DIAGONALS, lattice_row, meets
+from are_ros.world.lattice_cover import lattice_row
+from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.regions import SpawnRegion
-
-_Mask = npt.NDArray[np.bool_]
-_Floats = npt.NDArray[np.float64]
 
 _LEVELS_PER_CELL: Final = 4
 _HIGHEST_LEVEL: Final = 2**16 - 1
@@ -69,7 +64,7 @@ class CandidateCells:
 
     def with_room(self, radius_cells: float) -> "CandidateCells":
         """Return the cells with a point about which a disc may be clear (a superset)."""
-        level = math.floor((radius_cells - _SLACK_CELLS) * _LEVELS_PER_CELL)
+        level = math.floor(needed_cells(radius_cells) * _LEVELS_PER_CELL)
         depth = np.uint16(min(max(_HIGHEST_LEVEL - level, 0), _HIGHEST_LEVEL))
         count = int(np.searchsorted(self.depths, depth, side="right"))
         cumulative = None if self.cumulative is None else self.cumulative[:count]
@@ -104,6 +99,61 @@ def poses_in_cells(
     poses[:, 1] = y_m + along_x_m * sin + along_y_m * cos
     poses[:, 3] = (2.0 * uniforms[:, 3] - 1.0) * np.pi
     return poses
+
+
+@compiled
+def spines_are_clear(
+    flat: npt.NDArray[np.int32],
+    clearance_cells: npt.NDArray[np.float32],
+    spine: npt.NDArray[np.float64],
+    turns: npt.NDArray[np.float64],
+    needed_cells: float,
+) -> npt.NDArray[np.int64]:
+    """Return the lattice poses where a box may be clear, as cell * headings + heading.
+
+    A box at the centre of a cell, turned by one of `turns` (H, 2) (cos, sin), is filled by discs
+    about the points `spine` (K, 2) [cells]; each needs the clearance. A necessary condition.
+    """
+    height, width = clearance_cells.shape
+    headings = len(turns)
+    found = np.empty(len(flat) * headings, np.int64)
+    count = 0
+    for cell in flat.astype(np.int64):
+        row, col = cell // width, cell % width
+        for heading in range(headings):
+            c, s = turns[heading]
+            clear = True
+            for x, y in spine:
+                i = int(np.floor(row + 0.5 + s * x + c * y))
+                j = int(np.floor(col + 0.5 + c * x - s * y))
+                inside = 0 <= i < height and 0 <= j < width
+                clear = (clearance_cells[i, j] if inside else 0.0) >= needed_cells
+                if not clear:
+                    break
+            if clear:
+                found[count] = cell * headings + heading
+                count += 1
+    return found[:count]
+
+
+def spine_of(
+    half_length: float, half_width: float, offset: tuple[float, float]
+) -> tuple[npt.NDArray[np.float64], float]:
+    """Return points (K, 2) on a box's long axis, the ends first, and the radius of their discs.
+
+    The discs lie in the box; `offset` is its centre, all lengths are in one unit.
+    """
+    radius = min(half_length, half_width)
+    reach = max(half_length, half_width) - radius
+    along = reach * np.array([-1.0, 1.0, 0.0, -0.5, 0.5] if reach > 0.0 else [0.0])
+    zeros = np.zeros_like(along)
+    points = (along, zeros) if half_length >= half_width else (zeros, along)
+    return np.column_stack(points) + offset, radius
+
+
+def needed_cells(radius_cells: float) -> float:
+    """Return the least clearance between centres that leaves room for a disc (a lower bound)."""
+    return radius_cells - _SLACK_CELLS
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,223 +193,40 @@ class PlacementConstraints:
         return np.hypot(poses[:, 0] - x_m, poses[:, 1] - y_m) <= radius_m
 
 
-FIRST_TURN_RAD: Final = 1.0
-"""Angle of the first arc at full steering lock; the straight one has the same length."""
+HEADINGS: Final = 16
+"""Headings of the lattice that is searched where drawing at random found nothing."""
+LATTICE_CELLS: Final = 1 << 18
+_PITCH_M: Final = 0.05
 
-LEAST_PART_M: Final = APART_M + 1.0
-"""A smaller part of the map has no two destinations far enough apart for a trip."""
-
-_HALF_CELL: Final = 0.5
-_CERTAIN_HIT: Final = 0.25
-"""As in `terrain.rolls` [cells]."""
-_HIT: Final = -1.0
-
-
-class DepartureConstraint:
-    """Tells from which poses an artefact can depart, according to the static map.
-
-    The disc of `radius_m` about F_A is free: a body that rotates on the spot sweeps it. `region`
-    bool (H, W) are the cells that the artefact may be in.
-    """
-
-    def __init__(self, terrain: Terrain, radius_m: float, region: _Mask) -> None:
-        self.radius_m = radius_m
-        self._terrain = terrain
-        self._region = region
-
-    @cached_property
-    def is_anywhere(self) -> bool:
-        """Whether any place of the map meets the constraint."""
-        field, unit_m = self._terrain.clearance_m, self._terrain.grid.resolution_m
-        return bool((exact_room(field, self.radius_m, unit_m)[self._region] > 0.0).any())
-
-    def is_free_at(self, points_m: _Floats) -> _Mask:
-        """Tell at which points (N, >= 2) the disc is free: bool (N,)."""
-        terrain = self._terrain
-        return discs_are_free(terrain.clearance_m, terrain.lattice, points_m, self.radius_m)
-
-    def leads_out(self, poses: _Floats) -> _Mask:
-        """Tell from which poses (N, 4), x, y, 0, yaw, at such points it can depart: bool (N,)."""
-        return np.ones(len(poses), np.bool_)
+_Cells = npt.NDArray[np.int32]
+_Poses = npt.NDArray[np.int64]
+"""Lattice poses as numbers: (row * width + col) * `HEADINGS` + heading."""
+_Floats = npt.NDArray[np.float64]
 
 
-@compiled
-def discs_are_free(
-    field: npt.NDArray[np.float32],
-    lattice: npt.NDArray[np.float64],
-    points_m: npt.NDArray[np.float64],
-    radius_m: float,
-) -> _Mask:
-    """Tell for each point (N, >= 2) whether the disc about it covers open cells only: bool (N,).
-
-    The local planner has the same condition for the end of a motion: `Terrain.sees` from a point
-    to itself.
-    """
-    free = np.empty(len(points_m), np.bool_)
-    for k in range(len(points_m)):
-        point_m = (points_m[k, 0], points_m[k, 1])
-        free[k] = rolls(field, lattice, point_m, point_m, radius_m)
-    return free
+def lattice_cells(grid: OccupancyGrid, flat: _Cells) -> _Cells:
+    """Return those of the cells (N,) that are on the lattice: all, or every n-th row and column."""
+    if 2 * flat.size <= LATTICE_CELLS:
+        return flat
+    at_pitch = int(_PITCH_M / grid.resolution_m + 1e-6)
+    stride = max(1, at_pitch, math.ceil(math.sqrt(flat.size / LATTICE_CELLS)))
+    rows, cols = flat // grid.width, flat % grid.width
+    is_on = (rows % stride == stride // 2) & (cols % stride == stride // 2)
+    return np.compress(is_on, flat)
 
 
-class VehicleDepartureCheck(DepartureConstraint):
-    """The disc of a vehicle's coarse route, narrower than its box is long, and a free first arc.
-
-    The disc is in a connected part of the free space that is large enough for a trip: such a part
-    is at least `LEAST_PART_M` long, along the grid's axes, and has a cell of `region`.
-    """
-
-    def __init__(self, terrain: Terrain, body: Body, way_radius_m: float, region: _Mask) -> None:
-        super().__init__(terrain, rounded_up_m(way_radius_m), region)
-        self._body = _row_of(body)
-
-    @cached_property
-    def is_anywhere(self) -> bool:
-        """Whether there is such a part."""
-        return bool(self._roomy.any())
-
-    def is_free_at(self, points_m: _Floats) -> _Mask:
-        """Tell at which points (N, >= 2) the disc is free, in such a part: bool (N,)."""
-        free = super().is_free_at(points_m)
-        rows, cols = self._terrain.grid.points_to_cells(points_m[free, :2]).T
-        free[free] = self._roomy[rows, cols]
-        return free
-
-    @cached_property
-    def _roomy(self) -> _Mask:
-        """The cells (H, W) of such parts, and their neighbours: centres may lie beside them."""
-        import cv2
-
-        field, unit_m = self._terrain.clearance_m, self._terrain.grid.resolution_m
-        open_cells = (exact_room(field, self.radius_m, unit_m) > 0.0).view(np.uint8)
-        count, labels, boxes, _ = cv2.connectedComponentsWithStats(open_cells, connectivity=4)
-        sides = boxes[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
-        is_roomy = np.bincount(labels[self._region], minlength=count) > 0
-        is_roomy &= sides * unit_m >= LEAST_PART_M
-        is_roomy[0] = False
-        mask = is_roomy[labels].view(np.uint8)
-        roomy: _Mask = cv2.dilate(mask, np.ones((3, 3), np.uint8)).view(np.bool_)
-        return roomy
-
-    def leads_out(self, poses: _Floats) -> _Mask:
-        """Tell at which poses (N, 4), x, y, 0, yaw, one of six first arcs is free: bool (N,).
-
-        Straight or at full lock to the left or right, forward or in reverse; the box is checked
-        every half cell or less.
-        """
-        terrain, unit_m = self._terrain, self._terrain.grid.resolution_m
-        field, lattice = terrain.clearance_m, terrain.lattice
-        return some_arc_is_free(field, lattice, unit_m, self._body, poses)
+def _centres_m(grid: OccupancyGrid, flat: _Cells | _Poses) -> _Floats:
+    """Return the centres (N, 2) of cells (N,), row * width + col, in the map frame."""
+    return grid.cells_to_points(np.column_stack((flat // grid.width, flat % grid.width)))
 
 
-def _row_of(body: Body) -> _Floats:
-    """Return half sizes, centre, turning radius, length of the first arc, discs: (9,)."""
-    radius_m = TIGHTEST * body.turn_radius_m
-    way_m = FIRST_TURN_RAD * body.turn_radius_m
-    count, gap_m, disc_m = body.discs()
-    return np.array([*body.half_size_m, *body.centre_m, radius_m, way_m, count, gap_m, disc_m])
-
-
-@compiled
-def some_arc_is_free(
-    field: npt.NDArray[np.float32],
-    lattice: _Floats,
-    unit_m: float,
-    body: _Floats,
-    poses: _Floats,
-) -> _Mask:
-    """Tell for each pose (N, 4), x, y, 0, yaw, whether one of six arcs is free: bool (N,).
-
-    An arc is if the box is free at its end, and along it, where it goes in safe leaps.
-    """
-    out = np.zeros(len(poses), np.bool_)
-    box = np.zeros((1, 8))
-    box[0, 5], box[0, 6] = body[0], body[1]
-    steps = int(np.ceil(body[5] / (_HALF_CELL * unit_m)))
-    step_m = body[5] / steps
-    far_m = np.hypot(abs(body[2]) + body[0], abs(body[3]) + body[1])
-    for k in range(len(poses)):
-        for arc in range(6):
-            direction = 1.0 if arc < 3 else -1.0
-            curvature = (0.0, 1.0, -1.0)[arc % 3] / body[4]
-            pace = 1.0 + abs(curvature) * far_m  # of the fastest point of the box
-            way_m, step = body[5], -1  # the end comes first
-            while step < steps:
-                room_m = _room_m(
-                    field, lattice, unit_m, body, poses[k], direction * way_m, curvature, box
-                )
-                if room_m < 0.0:
-                    break
-                step = 0 if step < 0 else step + max(1, int(room_m / (pace * step_m)))
-                way_m = step * step_m
-            out[k] = step >= steps
-            if out[k]:
-                break
-    return out
-
-
-@compiled
-def _room_m(
-    field: npt.NDArray[np.float32],
-    lattice: _Floats,
-    unit_m: float,
-    body: _Floats,
-    pose: _Floats,
-    way_m: float,
-    curvature: float,
-    box: _Floats,
-) -> float:
-    """Return a lower bound of the distance to closed cells; negative if the box covers one.
-
-    The box is that of the body after a signed length along an arc from `pose`; it is written to
-    `box`.
-    """
-    turn = curvature * way_m
-    ahead_m, aside_m = way_m, 0.0
-    if turn != 0.0:
-        ahead_m, aside_m = np.sin(turn) / curvature, (1.0 - np.cos(turn)) / curvature
-    cos, sin = np.cos(pose[3]), np.sin(pose[3])
-    x_m = pose[0] + cos * ahead_m - sin * aside_m
-    y_m = pose[1] + sin * ahead_m + cos * aside_m
-    cos, sin = np.cos(pose[3] + turn), np.sin(pose[3] + turn)
-    box[0, 0] = x_m + cos * body[2] - sin * body[3]
-    box[0, 1] = y_m + sin * body[2] + cos * body[3]
-    box[0, 3], box[0, 4] = cos, sin
-    least_m = np.inf
-    is_long = body[0] >= body[1]
-    along_x, along_y = (box[0, 3], box[0, 4]) if is_long else (-box[0, 4], box[0, 3])
-    for n in range(int(body[6])):
-        offset_m = (n - 0.5 * (body[6] - 1.0)) * body[7]
-        dx_m = box[0, 0] + offset_m * along_x - lattice[0]
-        dy_m = box[0, 1] + offset_m * along_y - lattice[1]
-        col = (dx_m * lattice[2] + dy_m * lattice[3]) / unit_m
-        row = (dy_m * lattice[2] - dx_m * lattice[3]) / unit_m
-        if not (0.0 <= col < field.shape[1] and 0.0 <= row < field.shape[0]):
-            return _HIT
-        least_m = min(least_m, field[int(row), int(col)])
-    filled_m = min(0.5 * body[7], body[0], body[1])  # such a disc about each point lies in the box
-    if least_m + _CERTAIN_HIT * unit_m < filled_m:
-        return _HIT
-    room_m = least_m - TWO_HALF_DIAGONALS * unit_m - body[8]
-    if room_m < 0.0 and meets(box, 0, lattice, field, 0.0, field, unit_m, TOUCH_TOLERANCE_M):
-        return _HIT
-    return float(max(room_m, 0.0))
-
-
-def departure_constraint_of(
-    row: CatalogueRow, environment: Environment, terrains: Terrains, region: _Mask
-) -> DepartureConstraint | None:
-    """Return the constraint of a row's artefacts; None if they only stand.
-
-    `region` bool (H, W) are the cells in which they may be.
-    """
-    if row.motion.speed_mps <= 0.0 or set(row.behaviours) <= {Standing.name}:
-        return None
-    body = Body.of(row)
-    terrain = terrains.of(environment, body.height_m)
-    if body.turn_radius_m <= 0.0:
-        return DepartureConstraint(terrain, body.radius_m, region)
-    return VehicleDepartureCheck(terrain, body, NavigationProfile.of(row, body).radius_m, region)
+def lattice_poses(grid: OccupancyGrid, numbers: _Poses) -> _Floats:
+    """Return poses (N, 4), x, y, 0, yaw in the map frame, by their numbers (N,)."""
+    flat, heading = numbers // HEADINGS, numbers % HEADINGS
+    poses = np.zeros((flat.size, 4))
+    poses[:, :2] = _centres_m(grid, flat)
+    poses[:, 3] = grid.origin.yaw_rad() + heading * (math.tau / HEADINGS)
+    return poses
 
 
 class PlacementQuery(NamedTuple):
@@ -371,6 +238,13 @@ class PlacementQuery(NamedTuple):
     row: CatalogueRow
     around: PlacementConstraints
     departure: DepartureConstraint | None = None
+
+    @property
+    def key(self) -> tuple[float, ...]:
+        """What decides, of all this, where the static map has room."""
+        row, departure = self.row, self.departure
+        shape = (*row.size_m, *row.box_centre_in_artefact_m[:2])
+        return shape if departure is None else shape + departure.key
 
     @property
     def radius_m(self) -> float:
@@ -387,9 +261,23 @@ def _inscribed_radius_m(row: CatalogueRow) -> float:
 
 
 _BATCHES: Final = (32, 256, 1024, 4096)
-"""So many poses are drawn: where none of 5,408 is feasible, there is hardly one."""
 _FEW: Final = 4
 """The first poses of a batch are tested on their own: mostly one of them is feasible."""
+_CHUNK_CELLS: Final = 1 << 11
+_CHUNK_POSES: Final = 1 << 14
+_KEPT_POSES: Final = LATTICE_CELLS * HEADINGS
+
+
+class _Static(NamedTuple):
+    """The lattice poses of a footprint that the static map allows, and those not yet checked."""
+
+    allowed: _Poses
+    unchecked: _Poses
+
+    @property
+    def size(self) -> int:
+        """The number of both."""
+        return self.allowed.size + self.unchecked.size
 
 
 class Placer:
@@ -402,7 +290,11 @@ class Placer:
     An artefact that can move has a `DepartureConstraint`. It is placed, by the same law, among the
     feasible poses that meet it; only if none is found, among all feasible poses.
 
-    At most 5,408 poses are drawn of each kind; None if none of them is feasible.
+    At most some thousand poses are drawn. Then a lattice decides: cell centres times `HEADINGS`
+    headings. (Where more than 2**17 cells have room, it has every n-th row and column, 5 cm apart
+    or more, so that about 2**18 cells remain.) The pose is uniform, or by weight, over the feasible
+    poses of the lattice; None if there is none. What the static map decides there is kept per
+    footprint; each search adds some thousand poses.
     """
 
     def __init__(
@@ -414,6 +306,7 @@ class Placer:
         self._grid = environment.grid
         resolution_m = environment.grid.resolution_m
         self._lattice = lattice_row(environment.grid.origin, resolution_m, resolution_m)
+        self._static: dict[tuple[float, ...], _Static] = {}
         self._departures: dict[CatalogueRow, DepartureConstraint | None] = {}
         self._roomy: dict[float, CandidateCells] = {}
 
@@ -423,17 +316,21 @@ class Placer:
         generator: np.random.Generator,
         constraints: PlacementConstraints | None = None,
     ) -> GroundPose | None:
-        """Draw a feasible pose for an artefact of this row, None if none was found.
+        """Draw a feasible pose for an artefact of this row, None if the lattice has none.
 
         All draws come from `generator`; their number depends only on this artefact's attempts.
         """
         around = constraints or PlacementConstraints()
+        query = PlacementQuery(row, around)
+        static = self._static.get(query.key)
+        if static is not None and not static.size:
+            return None
         cells = self._cells if around.within is None else self._cells_near(*around.within)
         departure = self._departure_of(row)
         pose = None
         if departure is not None:
             pose = self._found(PlacementQuery(row, around, departure), cells, generator)
-        return pose or self._found(PlacementQuery(row, around), cells, generator)
+        return pose or self._found(query, cells, generator)
 
     def _departure_of(self, row: CatalogueRow) -> DepartureConstraint | None:
         """Return the constraint of a row; None too where no place on the map meets it."""
@@ -447,7 +344,7 @@ class Placer:
     def _found(
         self, query: PlacementQuery, cells: CandidateCells, generator: np.random.Generator
     ) -> GroundPose | None:
-        """Draw some thousands of poses; return the first that is feasible."""
+        """Draw some thousands of poses, then search the lattice, unless that would take long."""
         cells = self._with_room(cells, query.radius_m)
         if not cells.flat.size:
             return None
@@ -459,7 +356,8 @@ class Placer:
                 found = self._first_feasible(query, piece)
                 if found is not None:
                     return found
-        return None
+        is_searched = query.departure is None or query.departure.is_searched_for
+        return self._searched(query, cells, generator) if is_searched else None
 
     def _with_room(self, cells: CandidateCells, radius_m: float) -> CandidateCells:
         """Return the cells that may have room for a disc; the result for all cells is kept."""
@@ -503,14 +401,100 @@ class Placer:
         ground = np.column_stack((x_m, y_m, heights_m, yaws_rad))
         return OrientedBoxes.standing(ground, shape), heights_m
 
+    def _searched(
+        self, query: PlacementQuery, cells: CandidateCells, generator: np.random.Generator
+    ) -> GroundPose | None:
+        """Search the lattice: each feasible pose draws an exponential clock, the first one wins."""
+        best: tuple[float, _Floats, float] | None = None
+        for piece, is_checked in self._lattice_poses(query, cells):
+            poses = lattice_poses(self._grid, piece)
+            found, heights_m = self._feasible(query, poses, is_checked=is_checked)
+            weights = self._weights(piece[found] // HEADINGS)
+            clocks = generator.standard_exponential(found.size) / weights
+            first = int(np.argmin(clocks)) if found.size else -1
+            if first >= 0 and (best is None or clocks[first] < best[0]):
+                best = (float(clocks[first]), poses[found[first]], heights_m[found[first]])
+        return None if best is None else _ground_pose(best[1], best[2])
+
+    def _feasible(
+        self, query: PlacementQuery, poses: _Floats, *, is_checked: bool
+    ) -> tuple[_Poses, _Floats]:
+        """Return the indices of the feasible poses, and the ground's height (N,) under all.
+
+        The other artefacts are tested before the map, as the lattice is searched where it is
+        crowded. Poses that are checked are allowed by the map already.
+        """
+        boxes, heights_m = self._standing(query.row, poses)
+        found = np.flatnonzero(query.around.are_clear(boxes) & query.around.are_within(poses))
+        if not is_checked:
+            found = found[self._environment.is_placeable(boxes.take(found))]
+        return found[query.around.are_allowed(boxes.take(found))], heights_m
+
+    def _lattice_poses(
+        self, query: PlacementQuery, cells: CandidateCells
+    ) -> Iterator[tuple[_Poses, bool]]:
+        """Yield pieces of the lattice with all poses the map allows, and if they are checked."""
+        if query.around.within is not None:
+            yield from ((piece, False) for piece in self._scan(query, cells))
+            return
+        known = self._static.get(query.key)
+        if known is None:
+            pieces = [np.empty(0, np.int64), *self._scan(query, cells)]
+            known = _Static(np.empty(0, np.int64), np.concatenate(pieces))
+        known = self._checked_on(query, known)
+        self._remember(query.key, known)
+        for poses, is_checked in ((known.allowed, True), (known.unchecked, False)):
+            for start in range(0, poses.size, _CHUNK_POSES):
+                yield poses[start : start + _CHUNK_POSES], is_checked
+
+    def _checked_on(self, query: PlacementQuery, known: _Static) -> _Static:
+        """Check some thousand more poses of a footprint; all would take longer than the search."""
+        piece = known.unchecked[:_CHUNK_POSES]
+        boxes, _ = self._standing(query.row, lattice_poses(self._grid, piece))
+        allowed = piece[self._environment.is_placeable(boxes)]
+        allowed = np.concatenate((known.allowed, allowed))
+        return _Static(allowed, known.unchecked[_CHUNK_POSES:])
+
+    def _remember(self, key: tuple[float, ...], static: _Static) -> None:
+        """Keep the poses. If there are too many, forget those of other footprints that have any."""
+        if static.size + sum(known.size for known in self._static.values()) > _KEPT_POSES:
+            self._static = {none: known for none, known in self._static.items() if not known.size}
+        self._static[key] = static
+
+    def _scan(self, query: PlacementQuery, cells: CandidateCells) -> Iterator[_Poses]:
+        """Yield the lattice poses over some cells that the static map may allow."""
+        row, departure, flat = query.row, query.departure, lattice_cells(self._grid, cells.flat)
+        resolution_m = self._grid.resolution_m
+        half_m = (0.5 * row.size_m[0], 0.5 * row.size_m[1])
+        spine_m, radius_m = spine_of(*half_m, row.box_centre_in_artefact_m[:2])
+        angles = np.arange(HEADINGS) * (math.tau / HEADINGS)
+        turns = np.column_stack((np.cos(angles), np.sin(angles)))
+        least = needed_cells(radius_m / resolution_m)
+        for start in range(0, flat.size, _CHUNK_CELLS):
+            piece = flat[start : start + _CHUNK_CELLS]
+            if departure is not None:
+                piece = piece[departure.is_free_at(_centres_m(self._grid, piece))]
+            yield spines_are_clear(
+                piece, self._clearance_cells, spine_m / resolution_m, turns, least
+            )
+
+    def _weights(self, flat: _Poses) -> _Floats:
+        if self._region.weight is None:
+            return np.ones(flat.size)
+        return self._region.weight.ravel()[flat].astype(np.float64)
+
+    @cached_property
+    def _clearance_cells(self) -> npt.NDArray[np.float32]:
+        clearance_m = self._environment.clearance_m
+        return np.divide(clearance_m, self._grid.resolution_m, dtype=np.float32)
+
     @cached_property
     def _cells(self) -> CandidateCells:
         return self._ordered(np.flatnonzero(self._region.mask))
 
-    def _ordered(self, flat: npt.NDArray[np.int64]) -> CandidateCells:
-        clearance_m, weight = self._environment.clearance_m.ravel()[flat], self._region.weight
-        clearance_cells = np.divide(clearance_m, self._grid.resolution_m, dtype=np.float32)
-        weights = None if weight is None else weight.ravel()[flat].astype(np.float64)
+    def _ordered(self, flat: _Poses) -> CandidateCells:
+        clearance_cells = self._clearance_cells.ravel()[flat]
+        weights = None if self._region.weight is None else self._weights(flat)
         return CandidateCells.ordered(flat.astype(np.int32), clearance_cells, weights)
 
     def _cells_near(self, x_m: float, y_m: float, radius_m: float) -> CandidateCells:

@@ -1,4 +1,4 @@
-"""Placement: uniform over the feasible poses, blocked where hardly any pose is."""
+"""Placement: uniform over the feasible poses, blocked only where there is none."""
 
 import math
 from dataclasses import replace
@@ -11,11 +11,18 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from are_ros.agents.navigation.terrain import Terrains
+from are_ros.builder.spawning._departure_constraint import (
+    DepartureConstraint,
+    departure_constraint_of,
+)
 from are_ros.builder.spawning.placement import (
+    HEADINGS,
     CandidateCells,
     PlacementConstraints,
+    PlacementQuery,
     Placer,
-    departure_constraint_of,
+    lattice_cells,
+    lattice_poses,
 )
 from are_ros.population.artefact import GroundPose, boxes_of
 from are_ros.population.catalogue import CatalogueRow, MotionLimits
@@ -31,6 +38,7 @@ from tests.builder.spawning.slow_placement import (
     STANDS,
     TURNS,
     Floats,
+    Mask,
     axes_of,
     corners_of,
     environment_of,
@@ -38,6 +46,7 @@ from tests.builder.spawning.slow_placement import (
     parted,
     placer_of,
     region_of,
+    roomy_cells,
     row_of,
     sets_out,
     stands_free,
@@ -109,42 +118,112 @@ def test_zone_weights_are_densities() -> None:
     assert stats.kstest(poses[poses[:, 0] < 2.0, 0] / 2.0, "uniform").pvalue > 1e-3
 
 
-@settings(max_examples=60, deadline=None)
+SLOTS = """
+###########
+#...#######
+###########
+#...##....#
+#####.#####
+#####.#####
+#####.#####
+###########
+"""
+
+
+def test_a_box_that_fits_only_on_the_lattice_is_found_uniformly() -> None:
+    """A box of exactly 3 x 1 cells has ten lattice poses in five slots: chi-square, 1/1,000."""
+    free = free_cells(SLOTS)
+    placer = placer_of(free)
+    poses = _array([placer.place(row_of(3.0, 1.0), stream(number)) for number in range(400)])
+    rounded = {tuple(pose) for pose in np.round(poses, 6)}
+    assert {pose[:2] for pose in rounded} == {
+        (2.5, 1.5),
+        (2.5, 3.5),
+        (7.5, 3.5),
+        (8.5, 3.5),
+        (5.5, 5.5),
+    }
+    assert len(rounded) == 10
+    _, counts = np.unique(np.round(poses, 6), axis=0, return_counts=True)
+    assert stats.chisquare(counts).pvalue > 1e-3
+
+
+def test_the_lattice_honours_the_weights() -> None:
+    """With weight 4 on one of the two slots it is taken four times as often: level 1/1,000."""
+    free = free_cells("##### #...# ##### #...# #####")
+    weight = free.astype(np.float32)
+    weight[3] *= 4.0
+    placer = Placer(environment_of(free), region_of(free, weight))
+    poses = _array([placer.place(row_of(3.0, 1.0), stream(number)) for number in range(400)])
+    assert stats.binomtest(int((poses[:, 1] > 2.0).sum()), 400, 0.8).pvalue > 1e-3
+
+
+def _lattice(free: Mask) -> Floats:
+    centres = np.argwhere(free)[:, ::-1] + 0.5
+    angles = np.arange(HEADINGS) * math.tau / HEADINGS
+    return np.array([(x, y, angle) for x, y in centres for angle in angles]).reshape(-1, 3)
+
+
+@settings(max_examples=40, deadline=None)
 @given(
     seed=st.integers(0, 10**6),
     sizes=st.tuples(st.floats(0.0, 4.0), st.floats(0.0, 3.0)),
-    offset=st.tuples(st.floats(-0.4, 0.4), st.floats(-0.4, 0.4)),
-    turn_radius_m=st.floats(0.5, 5.0),
-    kind=st.sampled_from((STANDS, TURNS, DRIVES)),
+    offset=st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5)),
+    motion=st.sampled_from((STANDS, TURNS)),
 )
-def test_what_is_placed_is_free_and_what_fits_somewhere_is_placed(
-    seed: int,
-    sizes: tuple[float, float],
-    offset: tuple[float, float],
-    turn_radius_m: float,
-    kind: MotionLimits,
+def test_blocked_if_and_only_if_the_lattice_holds_none(
+    seed: int, sizes: tuple[float, float], offset: tuple[float, float], motion: MotionLimits
 ) -> None:
-    """Random clutter, random boxes: if one of a hundred poses is feasible, one is found.
+    """Random clutter, random boxes: what is placed is free, and what is not is nowhere free.
 
-    What moves is placed where it can set out, if one of a hundred poses is such; what turns on the
-    spot is looked for only if it can turn in the middle of some cell. Where a box touches a wall
-    the oracle may round the other way, so it tests a box that is 1 um smaller.
+    What turns is placed where it can set out if the lattice holds such a pose, and else anywhere.
+    Where a box touches a wall the oracle may round the other way, so it tests boxes 1 um larger
+    and smaller.
     """
-    random = np.random.default_rng(seed)
-    free = random.random((7, 8)) > 0.15
-    motion = kind if kind is not DRIVES else replace(DRIVES, turn_radius_m=turn_radius_m)
+    free = np.random.default_rng(seed).random((7, 8)) > 0.15
     offset_m = (offset[0] * sizes[0], offset[1] * sizes[1])
     row = row_of(*sizes, offset_m, motion)
+    larger = row_of(sizes[0] + 1e-6, sizes[1] + 1e-6, offset_m)
     smaller = row_of(max(sizes[0] - 1e-6, 0.0), max(sizes[1] - 1e-6, 0.0), offset_m)
-    pose = placer_of(free).place(row, stream(seed))
-    if pose is not None and min(sizes) > 1e-6:
+    placer, lattice = placer_of(free), _lattice(free)
+    pose = placer.place(row, stream(seed))
+    if pose is None:
+        assert not stands_free(larger, lattice, free).any()
+        assert placer.place(row, stream(seed + 1)) is None
+    elif min(sizes) > 1e-6:
         assert stands_free(smaller, _array([pose]), free).all()
-    tries = random.random((1000, 3)) * (8.0, 7.0, math.tau)
-    if stands_free(row, tries, free).mean() >= 0.01:
+    boxes, _ = placer._standing(row, np.insert(lattice, 2, 0.0, axis=1))
+    departure = departure_constraint_of(row, placer._environment, Terrains(), free)
+    placeable = placer._environment.is_placeable(boxes)
+    assert _lattice_poses(placer, row, None) == np.count_nonzero(placeable)
+    if departure is None or (roomy_cells(row, free, -1e-6) != roomy_cells(row, free, 1e-6)).any():
+        return
+    off = [sets_out(row, lattice, free, slack_m) for slack_m in (-1e-6, 1e-6)]
+    least, most = (np.count_nonzero(placeable & gets_off) for gets_off in off)
+    assert least <= _lattice_poses(placer, row, departure) <= most
+    if least:
         assert pose is not None
-    centres_m = np.argwhere(free)[:, ::-1] + 0.5
-    can_turn = kind is DRIVES or turns_free(row, centres_m, free, -1e-6).any()
-    if motion is not STANDS and can_turn and sets_out(row, tries, free, -1e-6).mean() >= 0.01:
+        assert sets_out(row, _array([pose]), free, 1e-6).all()
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    sizes=st.tuples(st.floats(0.5, 4.0), st.floats(0.3, 1.5)),
+    radius_m=st.floats(0.5, 5.0),
+)
+def test_what_drives_is_placed_where_it_fits_and_sets_out_from_there_if_it_can(
+    seed: int, sizes: tuple[float, float], radius_m: float
+) -> None:
+    """Random clutter: if one of a hundred poses is such that it sets out, it is placed so."""
+    random = np.random.default_rng(seed)
+    free = random.random((7, 8)) > 0.15
+    row = row_of(*sizes, motion=MotionLimits(speed_mps=1.0, turn_radius_m=radius_m))
+    pose = placer_of(free).place(row, stream(seed))
+    as_it_stands = placer_of(free).place(replace(row, motion=STANDS), stream(seed))
+    assert (pose is None) == (as_it_stands is None)
+    tries = random.random((1000, 3)) * (8.0, 7.0, math.tau)
+    if sets_out(row, tries, free, -1e-6).mean() >= 0.01:
         assert pose is not None
         assert sets_out(row, _array([pose]), free, 1e-6).all()
 
@@ -186,6 +265,33 @@ def test_a_vehicle_does_not_arrive_where_no_way_leads_on() -> None:
     assert 40 < np.count_nonzero(poses[:, 0] > 10.0) < 130
 
 
+def _lattice_poses(placer: Placer, row: CatalogueRow, departure: DepartureConstraint | None) -> int:
+    """Count what the static map allows of the lattice."""
+    query = PlacementQuery(row, PlacementConstraints(within=(0.0, 0.0, math.inf)), departure)
+    return sum(
+        placer._feasible(query, lattice_poses(placer._grid, piece), is_checked=is_checked)[0].size
+        for piece, is_checked in placer._lattice_poses(query, placer._cells)
+    )
+
+
+def test_a_search_gives_the_same_however_much_is_known() -> None:
+    """The map is asked about some thousand poses at a time; what is known changes no pose."""
+    free, row = np.ones((80, 80), np.bool_), row_of(0.9, 0.4)
+    spot = np.array([4.05, 3.05])  # the centre of a cell, too small a spot for draws
+
+    def at_the_spot(boxes: OrientedBoxes) -> npt.NDArray[np.bool_]:
+        is_there: npt.NDArray[np.bool_] = np.hypot(*(boxes.centres_m[:, :2] - spot).T) < 1e-3
+        return is_there
+
+    around = PlacementConstraints(allowed=at_the_spot)
+    placer = placer_of(free, 0.1)
+    found = [placer.place(row, stream(1), around) for _ in range(12)]
+    (static,) = placer._static.values()
+    assert not static.unchecked.size
+    assert static.allowed.size == _lattice_poses(placer, row, None) > 60_000
+    assert {*found} == {placer_of(free, 0.1).place(row, stream(1), around)} != {None}
+
+
 def test_nothing_ever_overlaps() -> None:
     """A map is filled until it is full: no two boxes overlap, none the robot's clearance."""
     free = free_cells(ROOMS)
@@ -216,13 +322,13 @@ def test_nothing_ever_overlaps() -> None:
 def test_a_crowd_blocks_and_its_leaving_frees() -> None:
     """Boxes in every slot block the next; without one of them its slot is the only place."""
     free = free_cells("##### #...# ##### #...# #####")
-    placer, row = placer_of(free), row_of(2.2, 0.7)
+    placer, row = placer_of(free), row_of(3.0, 1.0)
     poses = [GroundPose(2.5, 1.5, 0.0, 0.0), GroundPose(2.5, 3.5, 0.0, 0.0)]
     both, one = boxes_of([row, row], poses), boxes_of([row], poses[:1])
     assert placer.place(row, stream(1), PlacementConstraints(both)) is None
     found = placer.place(row, stream(1), PlacementConstraints(one))
     assert found is not None
-    assert 3.0 < found.y_m < 4.0
+    assert (found.x_m, found.y_m) == (2.5, 3.5)
 
 
 CORRIDOR = """
@@ -278,8 +384,8 @@ GARAGE = """
 
 
 def test_what_drives_is_wedged_in_only_if_there_is_no_other_place() -> None:
-    """A slot little longer than the car is not taken before the hall beside it is full."""
-    free, row = free_cells(GARAGE), row_of(1.6, 0.7, motion=DRIVES)
+    """A slot as long as the car is not taken before the hall beside it is full."""
+    free, row = free_cells(GARAGE), row_of(2.9, 0.9, motion=DRIVES)
     placer = placer_of(free)
     poses = _array([placer.place(row, stream(number)) for number in range(200)])
     assert (poses[:, 1] > 3.0).all()
@@ -295,8 +401,8 @@ def test_what_drives_is_wedged_in_only_if_there_is_no_other_place() -> None:
 
 
 def test_what_can_drive_off_nowhere_is_placed_where_it_fits() -> None:
-    """In an alley little wider than the car, and in a garage of its size."""
-    row = row_of(2.0, 0.8, motion=DRIVES)
+    """In an alley as wide as the car, where only lattice poses fit, and in a garage of its size."""
+    row = row_of(2.0, 1.0, motion=DRIVES)
     for picture in ("######## #......# ########", "##### #...# #...# #...# #####"):
         placer, free = placer_of(free_cells(picture)), free_cells(picture)
         poses = _array([placer.place(row, stream(number)) for number in range(20)])
@@ -389,6 +495,23 @@ def test_memory_and_distant_neighbours_change_no_draw(row: CatalogueRow) -> None
     far = GroundPose(1.5 if expected.x_m > 5.0 else 8.0, 6.5, 0.0, 0.0)
     others = boxes_of([row_of(0.2, 0.2)], [far])
     assert used.place(row, stream(7), PlacementConstraints(others)) == expected
+
+
+def test_a_lattice_of_very_many_cells_is_thinned_evenly() -> None:
+    """Of 600 x 600 cells of 1 cm every fifth row and column stay, and a full slot is found."""
+    free = np.ones((600, 600), np.bool_)
+    environment = environment_of(free, 0.01)
+    placer = Placer(environment, region_of(free))
+    thinned = lattice_cells(environment.grid, placer._cells.flat)
+    rows, cols = np.divmod(np.sort(thinned), 600)
+    assert thinned.size == 120 * 120
+    assert set(rows % 5) == set(cols % 5) == {2}
+    few = lattice_cells(environment.grid, np.arange(1000, dtype=np.int32))
+    assert few.size == 1000
+    corner = PlacementConstraints(allowed=lambda boxes: boxes.centres_m[:, :2].max(axis=1) < 0.06)
+    pose = placer.place(row_of(0.0, 0.0), stream(1), corner)
+    assert pose is not None
+    assert max(pose.x_m, pose.y_m) < 0.06
 
 
 def test_an_empty_region_has_no_place() -> None:

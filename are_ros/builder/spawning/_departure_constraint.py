@@ -1,0 +1,268 @@
+"""Constraints on arrival poses, beside room for the box, so that the artefact can depart from them.
+
+A body that rotates on the spot needs a free disc. A vehicle needs free space that is connected over
+some metres, and a free first arc; between two walls it could never move.
+"""
+
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from are_ros._compiled import compiled
+from are_ros.agents.behaviours.situation import Standing
+from are_ros.agents.local_planner.body import TIGHTEST, Body
+from are_ros.agents.mdp.coarse_kernels import exact_room
+from are_ros.agents.mdp.coarse_map import rounded_up_m
+from are_ros.agents.navigation.destinations import APART_M
+from are_ros.agents.navigation.profile import NavigationProfile
+from are_ros.agents.navigation.terrain import Terrain, Terrains, rolls
+from are_ros.population.catalogue import CatalogueRow
+from are_ros.world.boxes import TOUCH_TOLERANCE_M
+from are_ros.world.environment import Environment
+from are_ros.world.lattice_cover import TWO_HALF_DIAGONALS, meets
+
+_Mask = npt.NDArray[np.bool_]
+_Floats = npt.NDArray[np.float64]
+
+FIRST_TURN_RAD: Final = 1.0
+"""Angle of the first arc at full steering lock; the straight one has the same length."""
+
+LEAST_PART_M: Final = APART_M + 1.0
+"""A smaller part of the map has no two destinations far enough apart for a trip."""
+
+_HALF_CELL: Final = 0.5
+_CERTAIN_HIT: Final = 0.25
+"""As in `terrain.rolls` [cells]."""
+_HIT: Final = -1.0
+
+
+class DepartureConstraint:
+    """Tells from which poses an artefact can depart, according to the static map.
+
+    The disc of `radius_m` about F_A is free: a body that rotates on the spot sweeps it. `region`
+    bool (H, W) are the cells that the artefact may be in.
+    """
+
+    is_searched_for = True
+    """Whether the whole pose lattice is searched; then a free disc is sufficient."""
+
+    def __init__(self, terrain: Terrain, radius_m: float, region: _Mask) -> None:
+        self.radius_m = radius_m
+        self._terrain = terrain
+        self._region = region
+
+    @property
+    def key(self) -> tuple[float, ...]:
+        """What distinguishes two constraints in one environment, except the shape of the box."""
+        return (self.radius_m, self._terrain.height_m)
+
+    @cached_property
+    def is_anywhere(self) -> bool:
+        """Whether any place of the map meets the constraint."""
+        field, unit_m = self._terrain.clearance_m, self._terrain.grid.resolution_m
+        return bool((exact_room(field, self.radius_m, unit_m)[self._region] > 0.0).any())
+
+    def is_free_at(self, points_m: _Floats) -> _Mask:
+        """Tell at which points (N, >= 2) the disc is free, in a large enough part: bool (N,)."""
+        terrain = self._terrain
+        return discs_are_free(terrain.clearance_m, terrain.lattice, points_m, self.radius_m)
+
+    def leads_out(self, poses: _Floats) -> _Mask:
+        """Tell from which poses (N, 4), x, y, 0, yaw, at such points it can depart: bool (N,)."""
+        return np.ones(len(poses), np.bool_)
+
+
+class ConnectedFreeSpace(DepartureConstraint):
+    """The disc is free, and in a connected part of the free space that is large enough for a trip.
+
+    Such a part is at least `extent_m` long, along the grid's axes, and has a cell of `region`.
+    """
+
+    def __init__(self, terrain: Terrain, radius_m: float, region: _Mask, extent_m: float) -> None:
+        super().__init__(terrain, radius_m, region)
+        self._extent_m = extent_m
+
+    @cached_property
+    def is_anywhere(self) -> bool:
+        return bool(self._roomy.any())
+
+    def is_free_at(self, points_m: _Floats) -> _Mask:
+        free = super().is_free_at(points_m)
+        rows, cols = self._terrain.grid.points_to_cells(points_m[free, :2]).T
+        free[free] = self._roomy[rows, cols]
+        return free
+
+    @cached_property
+    def _roomy(self) -> _Mask:
+        """The cells (H, W) of such parts, and their neighbours: centres may lie beside them."""
+        import cv2
+
+        field, unit_m = self._terrain.clearance_m, self._terrain.grid.resolution_m
+        open_cells = (exact_room(field, self.radius_m, unit_m) > 0.0).view(np.uint8)
+        count, labels, boxes, _ = cv2.connectedComponentsWithStats(open_cells, connectivity=4)
+        sides = boxes[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
+        is_roomy = np.bincount(labels[self._region], minlength=count) > 0
+        is_roomy &= sides * unit_m >= self._extent_m
+        is_roomy[0] = False
+        mask = is_roomy[labels].view(np.uint8)
+        roomy: _Mask = cv2.dilate(mask, np.ones((3, 3), np.uint8)).view(np.bool_)
+        return roomy
+
+
+@compiled
+def discs_are_free(
+    field: npt.NDArray[np.float32],
+    lattice: npt.NDArray[np.float64],
+    points_m: npt.NDArray[np.float64],
+    radius_m: float,
+) -> _Mask:
+    """Tell for each point (N, >= 2) whether the disc about it covers open cells only: bool (N,).
+
+    The local planner has the same condition for the end of a motion: `Terrain.sees` from a point
+    to itself.
+    """
+    free = np.empty(len(points_m), np.bool_)
+    for k in range(len(points_m)):
+        point_m = (points_m[k, 0], points_m[k, 1])
+        free[k] = rolls(field, lattice, point_m, point_m, radius_m)
+    return free
+
+
+class VehicleDepartureCheck(ConnectedFreeSpace):
+    """The disc of a vehicle's coarse route, narrower than its box is long, and a free first arc.
+
+    The pose lattice is not searched: that would take seconds where no vehicle can depart.
+    """
+
+    is_searched_for = False
+
+    def __init__(self, terrain: Terrain, body: Body, way_radius_m: float, region: _Mask) -> None:
+        super().__init__(terrain, rounded_up_m(way_radius_m), region, LEAST_PART_M)
+        self._turn_radius_m = body.turn_radius_m
+        self._body = _row_of(body)
+
+    @property
+    def key(self) -> tuple[float, ...]:
+        return (*super().key, self._turn_radius_m)
+
+    def leads_out(self, poses: _Floats) -> _Mask:
+        """Tell at which poses (N, 4), x, y, 0, yaw, one of six first arcs is free: bool (N,).
+
+        Straight or at full lock to the left or right, forward or in reverse; the box is checked
+        every half cell or less.
+        """
+        terrain, unit_m = self._terrain, self._terrain.grid.resolution_m
+        field, lattice = terrain.clearance_m, terrain.lattice
+        return some_arc_is_free(field, lattice, unit_m, self._body, poses)
+
+
+def _row_of(body: Body) -> _Floats:
+    """Return half sizes, centre, turning radius, length of the first arc, discs: (9,)."""
+    radius_m = TIGHTEST * body.turn_radius_m
+    way_m = FIRST_TURN_RAD * body.turn_radius_m
+    count, gap_m, disc_m = body.discs()
+    return np.array([*body.half_size_m, *body.centre_m, radius_m, way_m, count, gap_m, disc_m])
+
+
+@compiled
+def some_arc_is_free(
+    field: npt.NDArray[np.float32],
+    lattice: _Floats,
+    unit_m: float,
+    body: _Floats,
+    poses: _Floats,
+) -> _Mask:
+    """Tell for each pose (N, 4), x, y, 0, yaw, whether one of six arcs is free: bool (N,).
+
+    An arc is if the box is free at its end, and along it, where it goes in safe leaps.
+    """
+    out = np.zeros(len(poses), np.bool_)
+    box = np.zeros((1, 8))
+    box[0, 5], box[0, 6] = body[0], body[1]
+    steps = int(np.ceil(body[5] / (_HALF_CELL * unit_m)))
+    step_m = body[5] / steps
+    far_m = np.hypot(abs(body[2]) + body[0], abs(body[3]) + body[1])
+    for k in range(len(poses)):
+        for arc in range(6):
+            direction = 1.0 if arc < 3 else -1.0
+            curvature = (0.0, 1.0, -1.0)[arc % 3] / body[4]
+            pace = 1.0 + abs(curvature) * far_m  # of the fastest point of the box
+            way_m, step = body[5], -1  # the end comes first
+            while step < steps:
+                room_m = _room_m(
+                    field, lattice, unit_m, body, poses[k], direction * way_m, curvature, box
+                )
+                if room_m < 0.0:
+                    break
+                step = 0 if step < 0 else step + max(1, int(room_m / (pace * step_m)))
+                way_m = step * step_m
+            out[k] = step >= steps
+            if out[k]:
+                break
+    return out
+
+
+@compiled
+def _room_m(
+    field: npt.NDArray[np.float32],
+    lattice: _Floats,
+    unit_m: float,
+    body: _Floats,
+    pose: _Floats,
+    way_m: float,
+    curvature: float,
+    box: _Floats,
+) -> float:
+    """Return a lower bound of the distance to closed cells; negative if the box covers one.
+
+    The box is that of the body after a signed length along an arc from `pose`; it is written to
+    `box`.
+    """
+    turn = curvature * way_m
+    ahead_m, aside_m = way_m, 0.0
+    if turn != 0.0:
+        ahead_m, aside_m = np.sin(turn) / curvature, (1.0 - np.cos(turn)) / curvature
+    cos, sin = np.cos(pose[3]), np.sin(pose[3])
+    x_m = pose[0] + cos * ahead_m - sin * aside_m
+    y_m = pose[1] + sin * ahead_m + cos * aside_m
+    cos, sin = np.cos(pose[3] + turn), np.sin(pose[3] + turn)
+    box[0, 0] = x_m + cos * body[2] - sin * body[3]
+    box[0, 1] = y_m + sin * body[2] + cos * body[3]
+    box[0, 3], box[0, 4] = cos, sin
+    least_m = np.inf
+    is_long = body[0] >= body[1]
+    along_x, along_y = (box[0, 3], box[0, 4]) if is_long else (-box[0, 4], box[0, 3])
+    for n in range(int(body[6])):
+        offset_m = (n - 0.5 * (body[6] - 1.0)) * body[7]
+        dx_m = box[0, 0] + offset_m * along_x - lattice[0]
+        dy_m = box[0, 1] + offset_m * along_y - lattice[1]
+        col = (dx_m * lattice[2] + dy_m * lattice[3]) / unit_m
+        row = (dy_m * lattice[2] - dx_m * lattice[3]) / unit_m
+        if not (0.0 <= col < field.shape[1] and 0.0 <= row < field.shape[0]):
+            return _HIT
+        least_m = min(least_m, field[int(row), int(col)])
+    filled_m = min(0.5 * body[7], body[0], body[1])  # such a disc about each point lies in the box
+    if least_m + _CERTAIN_HIT * unit_m < filled_m:
+        return _HIT
+    room_m = least_m - TWO_HALF_DIAGONALS * unit_m - body[8]
+    if room_m < 0.0 and meets(box, 0, lattice, field, 0.0, field, unit_m, TOUCH_TOLERANCE_M):
+        return _HIT
+    return float(max(room_m, 0.0))
+
+
+def departure_constraint_of(
+    row: CatalogueRow, environment: Environment, terrains: Terrains, region: _Mask
+) -> DepartureConstraint | None:
+    """Return the constraint of a row's artefacts; None if they only stand.
+
+    `region` bool (H, W) are the cells in which they may be.
+    """
+    if row.motion.speed_mps <= 0.0 or set(row.behaviours) <= {Standing.name}:
+        return None
+    body = Body.of(row)
+    terrain = terrains.of(environment, body.height_m)
+    if body.turn_radius_m <= 0.0:
+        return DepartureConstraint(terrain, body.radius_m, region)
+    return VehicleDepartureCheck(terrain, body, NavigationProfile.of(row, body).radius_m, region)
