@@ -3,6 +3,7 @@
 from io import SEEK_END
 from pathlib import Path
 from struct import Struct
+from types import MappingProxyType
 from typing import Any, Final
 from zlib import crc32
 
@@ -22,6 +23,13 @@ _MAGIC: Final = b"\x89MCAP0\r\n"
 _LATCHED_TYPE: Final = "nav_msgs/msg/OccupancyGrid"
 _JUMP_NS: Final = NS_PER_S
 _NAMES: Final = ("mcap reader", "log times", "topics and types", "quality of service")
+_QOS_NAMES: Final = MappingProxyType(
+    {
+        "reliability": {1: "reliable", 2: "best_effort"},
+        "durability": {1: "transient_local", 2: "volatile"},
+    }
+)
+"""rosbag2 wrote numbers before Jazzy."""
 
 _Channels = dict[int, tuple[Any, Any]]
 
@@ -159,8 +167,13 @@ def _offered(metadata: dict[str, str]) -> list[tuple[str, str, int]]:
     try:
         profiles = yaml.safe_load(metadata.get("offered_qos_profiles", "")) or []
         return [
-            (str(each["reliability"]).lower(), str(each["durability"]).lower(), int(each["depth"]))
+            (_policy(each, "reliability"), _policy(each, "durability"), int(each["depth"]))
             for each in profiles
         ]
     except (yaml.YAMLError, TypeError, ValueError, KeyError):
         return []
+
+
+def _policy(profile: Any, name: str) -> str:
+    value = profile[name]
+    return str(_QOS_NAMES[name].get(value, value)).lower()
