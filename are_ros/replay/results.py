@@ -28,7 +28,7 @@ REPLAY_PHASE = "replay"
 """The phase of the stopwatch in which the recording goes through the builder."""
 
 _SLOW = 2.0
-"""Below this factor of real time its first decimal is said, too."""
+"""Below this factor of real time two of its digits are said, so that none is 0."""
 
 _OTHER_PHASES = {
     "start_up": "start-up",
@@ -201,8 +201,8 @@ def _time_text(metrics: Content, timing: Content | None) -> str:
     factor, total_s = timing["real_time_factor"], timing["total_s"]
     others = listed([name for key, name in _OTHER_PHASES.items() if key in timing["phases_s"]])
     included = f"with {others}" if others else "in all"
-    digits = 1 if factor < _SLOW else 0
-    return f"{text}, {factor:.{digits}f} times real time; {total_s:.1f} s {included}"
+    times = f"{factor:.2g}" if factor < _SLOW else f"{factor:.0f}"
+    return f"{text}, {times} times real time; {total_s:.1f} s {included}"
 
 
 def _artefact_text(metrics: Content) -> str:

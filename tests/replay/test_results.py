@@ -135,6 +135,9 @@ def test_summary() -> None:
     lines = summary_lines(metrics, timing_content(_record(), Stopwatch({"replay": 0.5})))
     text = "\n".join(lines)
     assert "2.0 s in 3 ticks, 4 times real time; 0.5 s in all" in text
+    for taken_s, factor in ((2.0, "1"), (5.0, "0.4"), (125.0, "0.016"), (0.1, "20")):
+        slow = timing_content(_record(), Stopwatch({"replay": taken_s}))
+        assert f"ticks, {factor} times real time" in summary_lines(metrics, slow)[0]
     assert "2 arrived, 1 departed, 1 blocked; alive 1.0 on average, 2 at most" in text
     assert "1 of 2 at some time; 1 of 3 ticks without camera or its pose" in text
     assert (

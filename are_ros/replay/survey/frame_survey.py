@@ -229,7 +229,8 @@ def _oddities(
         yield f"{told} {one_is} stamped up to {most_s:.2f} s after being recorded"
     if slashed:
         shown = ", ".join(sorted(slashed)[:5]) + (", ..." if len(slashed) > 5 else "")
-        yield f"{len(slashed)} frame names begin with a slash, which is dropped: {shown}"
+        names = f"{counted(len(slashed), 'frame name')} begin{'s' if len(slashed) == 1 else ''}"
+        yield f"{names} with a slash, which is dropped: {shown}"
 
 
 def _said_of_parents(child: str, sources: Mapping[str, TransformSource]) -> str:

@@ -12,7 +12,7 @@ from are_ros.bag.clock import (
     base_frame_of,
     first_time,
 )
-from are_ros.bag.reader import BagReader, BagTopic
+from are_ros.bag.reader import BagMessage, BagReader, BagTopic
 from are_ros.bag.roles import CAMERA, OCTOMAP, ROLE_TYPES, RolesFound, find_roles, types_of
 from are_ros.bag.stretches import (
     Stretches,
@@ -116,7 +116,7 @@ def inspect_bag(
     waits = list(_waits(times, clock, role_of_topic, map_frame, given_edges, placed))
     missing = [
         *([] if map_topic or has_map_file else [_NO_MAP]),
-        *([] if has_map_file else _useless_map(reader, map_topic)),
+        *([] if has_map_file else _poor_map(reader, roles)),
         *_other_map_frame(map_topic, map_frame, world_frame),
         *survey.refused,
         *_missing_pose(survey, map_frame, base_frame, reader, roles),
@@ -255,8 +255,9 @@ def _edge(parent: str, child: str, stamp_ns: int) -> StampedTransform:
     return StampedTransform(parent, child, stamp_ns, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
 
-def _useless_map(reader: BagReader, topic: str | None) -> Iterable[str]:
-    """Say why the first map is of no use, if it is not."""
+def _poor_map(reader: BagReader, roles: RolesFound) -> Iterable[str]:
+    """Say if the first map is of no use, or comes late."""
+    topic = roles.topic("map")
     first = None if topic is None else reader.first(topic)
     if topic is None or first is None:
         return
@@ -264,6 +265,18 @@ def _useless_map(reader: BagReader, topic: str | None) -> Iterable[str]:
         read_grid(reader.deserialize(first), topic)
     except AreError as cause:
         yield f"the first map is of no use: {cause}"
+    if (late_ns := _late_ns(reader, roles, first)) > LATE_INPUT_NS:
+        yield (
+            f"{topic} begins {late_ns / NS_PER_S:.1f} s after what moves, and nobody arrives"
+            " before: --map FILE.yaml takes one from the beginning on"
+        )
+
+
+def _late_ns(reader: BagReader, roles: RolesFound, message: BagMessage) -> int:
+    """Return by how much a message comes after the first one that moves [ns], 0 without any."""
+    moving = roles.by_topic(role for role in MOVING_ROLES if role != CAMERA)
+    begin_ns = first_time(reader, moving)
+    return 0 if begin_ns is None else message.log_time_ns - begin_ns
 
 
 def _other_map_frame(map_topic: str | None, map_frame: str, world_frame: str) -> Iterable[str]:
@@ -351,9 +364,7 @@ def _missing_camera(reader: BagReader, roles: RolesFound) -> Iterable[str]:
         read_camera_info(reader.deserialize(first), topic).view(rectified=False)
     except AreError as cause:
         yield f"the first CameraInfo is of no use: {cause}"
-    begin_ns = first_time(reader, roles.by_topic(role for role in MOVING_ROLES if role != CAMERA))
-    late_ns = 0 if begin_ns is None else first.log_time_ns - begin_ns
-    if late_ns > LATE_INPUT_NS:
+    if (late_ns := _late_ns(reader, roles, first)) > LATE_INPUT_NS:
         yield (
             f"{topic} begins {late_ns / NS_PER_S:.1f} s after what moves, and nothing is perceived"
             f" before: {WITHOUT_CAMERA_INFO}"

@@ -107,6 +107,21 @@ def test_a_map_of_no_use_is_said(
     assert inspected(path, has_map_file=True).missing == ()
 
 
+def test_a_map_that_comes_late_is_said(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """As a replay says it; within a second it is not late, nor where a file takes its place."""
+    grid = OccupancyGrid(np.zeros((2, 2), np.int8), 0.5, RigidTransform.identity(), "odom")
+    records = [("/odom", k * S // 10, odometry(factory, k * S // 10)) for k in range(40)]
+    for at_ns, is_late in ((S, False), (3 * S, True)):
+        late = sorted([*records, ("/map", at_ns, make_grid(factory, grid))], key=lambda r: r[1])
+        path = write_bag(tmp_path / f"bag{at_ns}.mcap", late)
+        said = inspected(path, map_frame="odom").missing
+        assert len(said) == is_late
+        assert all(text.startswith("/map begins 3.0 s after what moves") for text in said)
+        assert inspected(path, map_frame="odom", has_map_file=True).missing == ()
+
+
 def test_messages_of_another_type_on_a_topic_are_passed_over(
     complete: Path, tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
 ) -> None:
