@@ -142,7 +142,7 @@ def test_what_is_placed_is_free_and_what_fits_somewhere_is_placed(
     tries = random.random((1000, 3)) * (8.0, 7.0, math.tau)
     if stands_free(row, tries, free).mean() >= 0.01:
         assert pose is not None
-    centres_m = np.argwhere(free)[:, ::-1] + 0.5
+    centres_m = (np.argwhere(free)[:, ::-1] + 0.5).astype(np.float64)
     can_turn = kind is DRIVES or turns_free(row, centres_m, free, -1e-6).any()
     if motion is not STANDS and can_turn and sets_out(row, tries, free, -1e-6).mean() >= 0.01:
         assert pose is not None
