@@ -44,11 +44,12 @@ class Obstacles:
         Hits beyond the limits, (K,) or one for all, are left out. A ray that starts inside a box
         hits it at 0; a mesh has only its surface.
         """
-        hits_m = np.full(len(rays), np.inf)
+        hits_m, by_axis = np.full(len(rays), np.inf), np.ascontiguousarray(rays.T).view()
+        by_axis.flags.writeable = False  # of one type for the compiler, whoever made the rays
         _first_hits(
             map_from_sensor.translation_m,
             map_from_sensor.rotation_matrix(),
-            np.ascontiguousarray(rays.T),
+            by_axis,
             np.full(len(rays), limits_m, dtype=np.float64),
             self.boxes.packed,
             self.shapes.indices,
