@@ -71,19 +71,16 @@ class FrameTree:
     "latest". Several sources for one edge, pairs given in both directions and loops are resolved by
     `_precedence`; each case is said once through `drain_notices`. A transform that is refused
     raises InvalidTransformError and leaves the tree as it was. Not safe for use by several threads.
-    `changes` grows whenever an answer may have become another one.
     """
 
     def __init__(self, history_ns: int = 10 * NS_PER_S) -> None:
         self._history_ns = history_ns
         self._notices = Notices()
-        self.changes = 0
         self.clear()
 
     def clear(self) -> None:
         """Forget all frames and transforms, the static ones too."""
         self._said_overruled: set[tuple[int, TransformSource]] = set()
-        self.changes += 1
         self._table = EdgeTable(self._history_ns)
         self._names = FrameNames()
         self._numbers = self._names.numbers
@@ -94,7 +91,6 @@ class FrameTree:
 
         Static transforms stay, names too; an edge that is left without samples is gone.
         """
-        self.changes += 1
         self._table.forget_after(now_ns)
 
     def drain_notices(self) -> list[str]:
@@ -121,7 +117,6 @@ class FrameTree:
         are the same.
         """
         pose = checked_pose(parent, child, translation_m, rotation_xyzw)
-        self.changes += 1
         numbers, table = self._numbers, self._table
         above, below = numbers.get(parent), numbers.get(child)
         if above is not None and below is not None:
@@ -147,7 +142,6 @@ class FrameTree:
         source: TransformSource = TransformSource.TF,
     ) -> None:
         """Take parent_from_child for all times; arguments and errors as in `set_transform`."""
-        self.changes += 1
         pose = checked_pose(parent, child, translation_m, rotation_xyzw)
         above, below = self._number_pair(parent, child)
         claim = Claim(above, below, 0, pose, source, is_static=True)
