@@ -5,7 +5,6 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -14,7 +13,12 @@ import numpy.typing as npt
 
 from are_ros.agents.events import EventKind
 from are_ros.conventions import NS_PER_S
-from are_ros.draw.artefacts import Outline, draw_artefact, outline_of
+from are_ros.draw.artefacts import (
+    Outline,
+    draw_artefact,
+    following_stretches,
+    outline_of,
+)
 from are_ros.draw.canvas import Canvas, Image, Rectangle, bounds_of
 from are_ros.draw.map import View, draw_map, known_part, window_of
 from are_ros.draw.palette import (
@@ -31,8 +35,8 @@ from are_ros.draw.palette import (
     class_colours,
     mixed,
 )
-from are_ros.draw.robot import draw_robot, fans_at, walls_of
-from are_ros.draw.scene import Doing, Life, SceneRecord
+from are_ros.draw.robot import Fan, draw_robot, draw_view, fan_at, other_fans, walls_of
+from are_ros.draw.scene import Life, SceneRecord
 from are_ros.draw.sheet import (
     Entry,
     Label,
@@ -44,6 +48,7 @@ from are_ros.draw.sheet import (
     patch_sign,
     ring_sign,
     robot_sign,
+    row_width_px,
     rows_of,
 )
 from are_ros.errors import BagError
@@ -67,10 +72,16 @@ _MOST_BYTES: Final = 10_000_000
 _LARGEST_PX: Final = (840, 620)
 _NARROWEST_PX: Final = 360
 _MARGIN_PX: Final = 12
+_CLOCK_PX: Final = 350
+"""What the time and the counts take of the header."""
 _TEXT_PX, _LABEL_PX = 13, 11
+_MOST_TOLD: Final = 16
+"""Of more artefacts than these only the perceived have words beside their ids."""
 _TAIL_NS: Final = 4 * NS_PER_S
 _JUMP_M: Final = 0.5
 _FLASH_NS: Final = 6 * NS_PER_S // 5
+_SOON_NS: Final = NS_PER_S
+"""The first ticks come before the first transform: for so long the robot is shown all the same."""
 _FAN_ALPHA: Final = 0.2
 _PATH_COLOUR: Final = mixed(ROBOT, 0.45)
 _FOLLOWING_PATTERN_PX: Final = (4.0, 3.0)
@@ -82,8 +93,9 @@ _FLASHES: Final[Mapping[EventKind, tuple[str, Rgb]]] = {
     EventKind.DISPLACED: ("displaced", (224, 160, 16)),
 }
 _ARTEFACT: Final = re.compile(r"artefact (\d+)")
-_FOLLOWS: Final = re.compile(r"(?:following|waiting behind) artefact (\d+)")
 _NEWS_NS: Final = 7 * NS_PER_S
+_WAITS: Final = "waiting for "
+_LONG_WAIT_NS: Final = 3 * NS_PER_S
 _TAG_PAD_PX: Final = (3.0, 2.0)
 
 
@@ -200,12 +212,11 @@ class _Actor:
     colour: Rgb
     is_perceived: bool
     texts: tuple[str, str]
-    leader: int | None
     news: "_News | None"
 
 
 class _News(NamedTuple):
-    """What a tag tells for some seconds: that a behaviour changed."""
+    """What a tag tells for some seconds: that a behaviour changed, or that a long wait began."""
 
     text: str
     colour: Rgb
@@ -231,10 +242,12 @@ class Frames:
         px_per_m = min(largest[0] / window.width_m, largest[1] / window.height_m)
         self.view = View(window, px_per_m, 0.0, HEADER_PX)
         self._colours = class_colours([life.row.class_name for life in record.lives])
+        self._classes = {life.artefact_id: life.row.class_name for life in record.lives}
         self._tag_colours = behaviour_colours(
             [doing.behaviour for life in record.lives for doing in life.doings]
         )
-        self.footer_px = ROW_PX * max(len(_rows_below(self.legend(), self._width_px)), 1)
+        self._following = following_stretches(record.lives, int(record.series.stamps_ns[-1]) + 1)
+        self.footer_px = ROW_PX * max(len(_rows_below(self.legend()[1], self._width_px)), 1)
         """How high the rows of the legend below the map are."""
         width, height = self.size_px
         self._ground = Canvas((width, height))
@@ -242,7 +255,7 @@ class Frames:
         draw_map(self._ground, self.view, grid, part)
         self._ground.pixels[height - self.footer_px :] = WHITE
         self.forget()
-        draw_legend(self._ground, self.legend())
+        draw_legend(self._ground, *self.legend())
 
     @property
     def size_px(self) -> tuple[int, int]:
@@ -274,7 +287,7 @@ class Frames:
             _draw_tail(canvas, actor)
         for actor in sorted(actors, key=lambda actor: actor.is_perceived):
             draw_artefact(canvas, actor.outline, actor.colour, is_opaque=actor.is_perceived)
-        _draw_following(canvas, actors)
+        self._draw_following(canvas, actors, stamp_ns)
         taken = self._draw_robot(canvas, stamp_ns)
         self._draw_flashes(canvas, stamp_ns)
         self._draw_texts(canvas, actors, taken)
@@ -292,40 +305,66 @@ class Frames:
             self._colours[life.row.class_name],
             life.is_perceived_at(stamp_ns),
             (f"{number} {words}".strip(), number),
-            _leader(doing),
             self._news(life, stamp_ns),
         )
 
     def _news(self, life: Life, stamp_ns: int) -> _News | None:
-        """Return the last change of behaviour, if it was of late."""
-        begun = [doing for doing in life.doings if doing.since_ns <= stamp_ns]
-        for before, doing in reversed([*pairwise(begun)]):
+        """Return the last change of behaviour or beginning of a long wait, if it was of late."""
+        number, doings = id_text(life.artefact_id), life.doings
+        begun = [i for i, doing in enumerate(doings) if doing.since_ns <= stamp_ns]
+        for i in reversed(begun):
+            doing, before = doings[i], doings[max(i - 1, 0)]
             if stamp_ns - doing.since_ns >= _NEWS_NS:
                 return None
+            if i == begun[-1] and _is_long_wait(life, i):
+                return _News(f"{number} {_ARTEFACT.sub(self._named, doing.activity)}", INK)
             if doing.behaviour != before.behaviour:
-                number = id_text(life.artefact_id)
                 text = f"{number} {before.behaviour} \N{RIGHTWARDS ARROW} {doing.behaviour}"
                 return _News(text, mixed(self._tag_colours[doing.behaviour], 0.85, INK))
         return None
 
+    def _named(self, found: re.Match[str]) -> str:
+        """Return the class and the id of an artefact that an activity names."""
+        number = int(found[1])
+        return f"{self._classes.get(number, 'artefact')} {id_text(number)}"
+
     def _draw_field_of_view(self, canvas: Canvas, stamp_ns: int) -> None:
-        for fan in fans_at(self._record, self._walls, stamp_ns):
-            outline = self.view.pixels(fan)
-            canvas.fill(outline, SEEN, _FAN_ALPHA)
-            canvas.line(outline, SEEN, 1.0, 2.25 * _FAN_ALPHA, closed=True)
+        stamps = self._record.camera.stamps_ns
+        index, fans = int(np.searchsorted(stamps, stamp_ns)), list[Fan | None]()
+        if index < len(stamps) and int(stamps[index]) == stamp_ns:
+            fans.append(fan_at(self._record, self._walls, index))
+        for fan in (*fans, *other_fans(self._record, self._walls, stamp_ns)):
+            if fan is not None:
+                draw_view(canvas, self.view, fan, SEEN, _FAN_ALPHA)
 
     def _draw_robot_path(self, canvas: Canvas, stamp_ns: int) -> None:
-        for poses in self._record.robot.until(stamp_ns).drives():
-            if len(poses) > 1:
-                canvas.line(self.view.pixels(poses[:, :2]), _PATH_COLOUR, 2.0)
+        track = self._record.robot
+        count = int(np.searchsorted(track.stamps_ns, stamp_ns, side="right"))
+        drives = track.drives()[:count]
+        for drive in np.unique(drives).tolist():
+            driven_m = track.poses[:count, :2][drives == drive]
+            if len(driven_m) > 1:
+                canvas.line(self.view.pixels(driven_m), _PATH_COLOUR, 2.0)
 
     def _draw_robot(self, canvas: Canvas, stamp_ns: int) -> list[Rectangle]:
-        """Draw the robot where it was last known; return its rectangle."""
-        poses = self._record.robot.until(stamp_ns).poses
-        if not len(poses):
+        """Draw the robot where it was last known, or is a moment later; return its rectangle."""
+        track = self._record.robot
+        index = int(np.searchsorted(track.stamps_ns, stamp_ns, side="right")) - 1
+        is_soon = len(track) > 0 and int(track.stamps_ns[0]) - stamp_ns <= _SOON_NS
+        if index < 0 and not is_soon:
             return []
-        outline = draw_robot(canvas, self.view, self._record.footprint, poses[-1], ROBOT)
+        pose = track.poses[max(index, 0)]
+        outline = draw_robot(canvas, self.view, self._record.footprint, pose, ROBOT)
         return [bounds_of(outline)]
+
+    def _draw_following(self, canvas: Canvas, actors: Sequence[_Actor], stamp_ns: int) -> None:
+        """Join followers and leaders by a dashed line."""
+        centres = {actor.number: actor.outline.nose_px[0] for actor in actors}
+        for one in self._following:
+            ids = (one.follower.artefact_id, one.leader.artefact_id)
+            if one.start_ns <= stamp_ns < one.end_ns and all(i in centres for i in ids):
+                start, end = (centres[i] for i in ids)
+                canvas.dashes(start, end, FOLLOWING, pattern_px=_FOLLOWING_PATTERN_PX)
 
     def _draw_flashes(self, canvas: Canvas, stamp_ns: int) -> None:
         """Draw a growing ring where something happened a moment ago."""
@@ -348,11 +387,7 @@ class Frames:
         news = [Label(a.number, boxes[a.number], (a.news.text,)) for a in actors if a.news]
         tags = self._tags.place(news, [*boxes.values()], taken)
         tagged = {placed.label.key for placed in tags}
-        labels = [
-            Label(actor.number, boxes[actor.number], actor.texts)
-            for actor in sorted(actors, key=lambda actor: not actor.is_perceived)
-            if actor.number not in tagged
-        ]
+        labels = [one for one in _labels_of(actors, boxes) if one.key not in tagged]
         taken = [*taken, *(_padded(placed.place) for placed in tags)]
         for placed in self._labels.place(labels, [*boxes.values()], taken):
             actor = by_number[placed.label.key]
@@ -376,16 +411,18 @@ class Frames:
         canvas.text(f"{int(passed_ns) / NS_PER_S:5.1f} s", (_MARGIN_PX, 7), _TEXT_PX)
         canvas.text(count, (84, 7), _TEXT_PX)
 
-    def legend(self) -> list[Entry]:
-        """Return what is named below the map."""
-        footer = []
+    def legend(self) -> tuple[list[Entry], list[Entry]]:
+        """Return what is named in the header, which is the robot's, and in the footer."""
+        header = []
         if len(self._record.robot):
-            footer.append(Entry("real robot", robot_sign(ROBOT)))
-            footer.append(Entry("its path", line_sign(_PATH_COLOUR, 2.0)))
+            header = [
+                Entry("real robot", robot_sign(ROBOT)),
+                Entry("its path", line_sign(_PATH_COLOUR, 2.0)),
+            ]
         if self._record.has_cameras:
-            footer.append(Entry("field of view", patch_sign(SEEN, 0.25)))
+            header.append(Entry("field of view", patch_sign(SEEN, 0.25)))
         names = sorted({life.row.class_name for life in self._record.lives})
-        footer += [Entry(name, patch_sign(self._colours[name])) for name in names]
+        footer = [Entry(name, patch_sign(self._colours[name])) for name in names]
         if names:
             footer.append(Entry("perceived", patch_sign(GREY)))
             footer.append(Entry("not perceived", patch_sign(GREY, 0.34)))
@@ -395,39 +432,49 @@ class Frames:
             if kind in happened:
                 rings.setdefault(name, colour)
         footer += [Entry(name, ring_sign(colour, 1.0)) for name, colour in rings.items()]
-        doings = [doing for life in self._record.lives for doing in life.doings]
-        if any(_leader(doing) is not None for doing in doings):
+        if self._following:
             footer.append(Entry("follows", dashed_sign(FOLLOWING, 1.0, _FOLLOWING_PATTERN_PX)))
-        return footer
+        return header, footer
 
 
-def draw_legend(canvas: Canvas, entries: Sequence[Entry]) -> None:
-    """Draw the rows of the legend below the map."""
+def draw_legend(canvas: Canvas, header: Sequence[Entry], footer: Sequence[Entry]) -> None:
+    """Draw the header's entries, at its right and as many as fit, and the rows of the footer."""
     width, height = canvas.size_px
-    rows = _rows_below(entries, width)
+    count = len(header)
+    while count and row_width_px(header[:count], _TEXT_PX) > width - _CLOCK_PX - _MARGIN_PX:
+        count -= 1
+    left = width - row_width_px(header[:count], _TEXT_PX) - _MARGIN_PX
+    draw_row(canvas, header[:count], (left, 0.5 * HEADER_PX), _TEXT_PX)
+    rows = _rows_below(footer, width)
     for number, row in enumerate(rows):
         y_px = height - ROW_PX * (len(rows) - number - 0.5)
         draw_row(canvas, row, (_MARGIN_PX, y_px), _TEXT_PX)
 
 
-def _rows_below(entries: Sequence[Entry], width_px: int) -> list[list[Entry]]:
-    """Return the rows of the legend, in a picture of a width."""
-    return rows_of(entries, width_px - 2 * _MARGIN_PX, _TEXT_PX)
+def _rows_below(footer: Sequence[Entry], width_px: int) -> list[list[Entry]]:
+    """Return the rows of the footer, in a picture of a width."""
+    return rows_of(footer, width_px - 2 * _MARGIN_PX, _TEXT_PX)
 
 
-def _leader(doing: Doing) -> int | None:
-    """Return the id of the artefact that is followed, None if none is."""
-    match = _FOLLOWS.fullmatch(doing.activity)
-    return int(match[1]) if match else None
+def _is_long_wait(life: Life, index: int) -> bool:
+    """Tell whether an artefact waited, and for long, during the doing of an index."""
+    doing, after = life.doings[index], life.doings[index + 1 : index + 2]
+    end_ns = after[0].since_ns if after else life.departure_ns
+    is_long = end_ns is None or end_ns - doing.since_ns >= _LONG_WAIT_NS
+    return is_long and doing.activity.startswith(_WAITS)
 
 
-def _draw_following(canvas: Canvas, actors: Sequence[_Actor]) -> None:
-    """Join followers and leaders by a dashed line."""
-    centres = {actor.number: actor.outline.nose_px[0] for actor in actors}
-    for actor in actors:
-        if actor.leader in centres:
-            ends = centres[actor.number], centres[actor.leader]
-            canvas.dashes(*ends, FOLLOWING, pattern_px=_FOLLOWING_PATTERN_PX)
+def _labels_of(actors: Sequence[_Actor], boxes: Mapping[int, Rectangle]) -> list[Label]:
+    """Return the labels; the perceived artefacts come first, and of many only they have words."""
+    is_few = len(actors) <= _MOST_TOLD
+    return [
+        Label(
+            actor.number,
+            boxes[actor.number],
+            actor.texts if actor.is_perceived or is_few else actor.texts[1:],
+        )
+        for actor in sorted(actors, key=lambda actor: not actor.is_perceived)
+    ]
 
 
 def _padded(place: Rectangle) -> Rectangle:

@@ -1,8 +1,11 @@
-"""The artefacts in a picture: footprints, paths, behaviours and events."""
+"""The artefacts in a picture: footprints, paths, behaviours, followers and events."""
 
 import math
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
+from operator import itemgetter
 from typing import Final
 
 import numpy as np
@@ -12,16 +15,18 @@ from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.canvas import Canvas
 from are_ros.draw.map import View
-from are_ros.draw.palette import CONTACT, DISPLACED, DISPLACED_EDGE, WHITE, Rgb, mixed
-from are_ros.draw.scene import Life, SceneRecord
+from are_ros.draw.palette import CONTACT, DISPLACED, DISPLACED_EDGE, WHITE, Rgb, mixed, shade_of
+from are_ros.draw.scene import Doing, Life, SceneRecord
 from are_ros.population.departures import Cause
 
 Floats = npt.NDArray[np.float64]
+Stamps = npt.NDArray[np.int64]
 
 UNSEEN_ALPHA: Final = 0.34
 GONE_ALPHA: Final = 0.15
 PATH_PX, SEEN_PATH_PX = 1.8, 4.4
 BEHAVIOUR_PX: Final = 9.5
+JUMP_PATTERN_PX: Final = (0.8, 4.0)
 CONTACT_MARK: Final = ("burst", 15.0, CONTACT, WHITE)
 DISPLACED_MARK: Final = ("lozenge", 12.0, DISPLACED, DISPLACED_EDGE)
 """Name, size [px], face and edge."""
@@ -29,9 +34,13 @@ DISPLACED_MARK: Final = ("lozenge", 12.0, DISPLACED, DISPLACED_EDGE)
 _SMALLEST_PX: Final = 7.0
 _FADE: Final = (0.25, 0.95)
 _PALE_FADE: Final = (0.18, 0.75)
+_MOST_VERTICES: Final = 500
 _CROWD: Final = 18
 """With more paths than this lines get thinner."""
 _MOVED_M: Final = 0.3
+_FOLLOWS: Final = re.compile(r"(?:following|waiting behind) artefact (\d+)")
+_SHORTEST_NS: Final = 2 * NS_PER_S
+"""A shorter stretch, as between two moments of giving way, would only be clutter in a picture."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,24 +93,44 @@ def behaviour_of(life: Life) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """Where an artefact went: points (N, 2) [m], and which steps (N - 1,) were seen."""
+    """Where an artefact went: points (N, 2) [m], which steps (N - 1,) were seen, which jumps."""
 
     life: Life
     points_m: Floats
     is_seen: npt.NDArray[np.bool_]
-
-    @classmethod
-    def of(cls, life: Life) -> "Path":
-        """Return the path of a life that has a pose."""
-        stamps = life.footprints.stamps_ns
-        before = np.searchsorted(life.seen_ns, stamps[:-1])
-        is_seen = np.searchsorted(life.seen_ns, stamps[1:], side="right") > before
-        return cls(life, life.footprints.poses[:, :2], is_seen)
+    is_jump: npt.NDArray[np.bool_]
 
     @property
     def length_m(self) -> float:
-        """How far the artefact came."""
-        return float(np.linalg.norm(np.diff(self.points_m, axis=0), axis=1).sum())
+        """The length of what the artefact went by itself."""
+        steps = np.linalg.norm(np.diff(self.points_m, axis=0), axis=1)
+        return float(steps[~self.is_jump].sum())
+
+
+def path_of(life: Life, moved_ns: Sequence[int]) -> Path:
+    """Return the path of a life that has a pose; it was displaced at the stamps `moved_ns`."""
+    stamps, poses = life.footprints.stamps_ns, life.footprints.poses
+    jumps: list[int] = np.searchsorted(stamps, np.array(moved_ns, dtype=np.int64)).tolist()
+    count = len(stamps)
+    every = max(1, math.ceil(count / _MOST_VERTICES))
+    about_jumps = [i for jump in jumps for i in (jump - 1, jump) if 0 <= i < count]
+    kept = np.unique((*range(0, count, every), count - 1, *about_jumps)).astype(np.int64)
+    at = np.searchsorted(life.seen_ns, stamps[kept])
+    return Path(
+        life,
+        poses[kept, :2],
+        np.searchsorted(life.seen_ns, stamps[kept[1:]], side="right") > at[:-1],
+        np.isin(kept[1:], np.array(jumps, dtype=np.int64)),
+    )
+
+
+def displacements(events: Sequence[ArtefactEvent]) -> dict[int, list[int]]:
+    """Return when each artefact was moved by the resolution of collisions."""
+    moved: dict[int, list[int]] = {}
+    for event in events:
+        if event.kind is EventKind.DISPLACED:
+            moved.setdefault(event.artefact_id, []).append(event.stamp_ns)
+    return moved
 
 
 def draw_paths(
@@ -109,31 +138,75 @@ def draw_paths(
     view: View,
     paths: Sequence[Path],
     colours: Mapping[str, Rgb],
-    behaviours: Mapping[str, Rgb],
+    marks: Mapping[str, str],
 ) -> None:
     """Draw all paths; those never perceived lie below the others, and are paler.
 
-    A path fades in from its beginning and is thick where its artefact was perceived. A disc at its
-    beginning has the colour of the behaviour.
+    A path fades in from its beginning and is thick where its artefact was perceived. A mark at its
+    beginning tells the behaviour.
     """
     thin = min(1.0, math.sqrt(_CROWD / max(len(paths), 1)))
     order = sorted(paths, key=lambda path: path.life.is_perceived)
-    for path in order:
-        if path.length_m > _MOVED_M:
-            _draw_line(canvas, view, path, colours[path.life.row.class_name], thin)
-    for path in order:
+    shades = [shade_of(colours[path.life.row.class_name], path.life.artefact_id) for path in order]
+    for path, colour in zip(order, shades, strict=True):
+        if path.length_m > _MOVED_M or path.is_jump.any():
+            _draw_line(canvas, view, path, colour, thin)
+    for path, colour in zip(order, shades, strict=True):
         place = view.pixels(path.points_m[0])
-        face = behaviours.get(behaviour_of(path.life), WHITE)
+        mark = marks.get(behaviour_of(path.life), "disc")
         alpha = 1.0 if path.life.is_perceived else 0.75
-        colour = colours[path.life.row.class_name]
-        canvas.mark("disc", place, BEHAVIOUR_PX, face, colour, 1.5, alpha)
+        canvas.mark(mark, place, BEHAVIOUR_PX, WHITE, colour, 1.5, alpha)
 
 
 def _draw_line(canvas: Canvas, view: View, path: Path, colour: Rgb, thin: float) -> None:
     points = view.pixels(path.points_m)
     widths = thin * np.where(path.is_seen, SEEN_PATH_PX, PATH_PX)
+    widths[path.is_jump] = 0.0
     fade = _FADE if path.life.is_perceived else _PALE_FADE
     canvas.fading(points, colour, widths, np.linspace(*fade, len(widths)))
+    for i in np.flatnonzero(path.is_jump).tolist():
+        start, end = points[i], points[i + 1]
+        canvas.dashes(start, end, colour, 1.4, 0.7, JUMP_PATTERN_PX)
+
+
+@dataclass(frozen=True, eq=False)
+class Following:
+    """A follower behind its leader, from `start_ns` to `end_ns`."""
+
+    follower: Life
+    leader: Life
+    start_ns: int
+    end_ns: int
+
+
+def following_stretches(lives: Sequence[Life], end_ns: int) -> list[Following]:
+    """Return every stretch of following a leader of `lives`, as the followers' activities say."""
+    standing = {life.artefact_id: life for life in lives if len(life.footprints)}
+    return [
+        Following(life, standing[leader_id], start_ns, stop_ns)
+        for life in standing.values()
+        for leader_id, start_ns, stop_ns in _stretches(life, end_ns)
+        if leader_id in standing
+    ]
+
+
+def _stretches(life: Life, end_ns: int) -> Iterator[tuple[int, int, int]]:
+    """Yield the leaders that an artefact followed, by id, and the [start, stop) in which it did."""
+    last_ns = end_ns if life.departure_ns is None else life.departure_ns
+    stops_ns = [*(doing.since_ns for doing in life.doings[1:]), last_ns]
+    # Without a known doing there is one stop, and no doing that ends there.
+    spans = zip(map(_leader, life.doings), life.doings, stops_ns, strict=False)
+    for leader, same in groupby(spans, key=itemgetter(0)):
+        stretch = list(same)
+        start_ns, stop_ns = stretch[0][1].since_ns, stretch[-1][2]
+        if leader is not None and stop_ns - start_ns >= _SHORTEST_NS:
+            yield leader, start_ns, stop_ns
+
+
+def _leader(doing: Doing) -> int | None:
+    """Return the id of the artefact that is followed, None if none is."""
+    match = _FOLLOWS.fullmatch(doing.activity)
+    return int(match[1]) if match else None
 
 
 def contacts(record: SceneRecord) -> list[ArtefactEvent]:
@@ -151,18 +224,21 @@ def forced(record: SceneRecord) -> list[ArtefactEvent]:
     ]
 
 
-def contact_places(record: SceneRecord) -> Floats:
-    """Return where the robot was at its contacts (N, 2) [m]; the artefacts, if that is unknown."""
+def mark_places(record: SceneRecord) -> tuple[Floats, Floats]:
+    """Return where displacements ended (N, 2) and where the robot was at its contacts (M, 2) [m].
+
+    Where the robot is not known, it is the artefact's place.
+    """
+    lives = {life.artefact_id: life for life in record.lives if len(life.footprints)}
     touched, robot = contacts(record), record.robot
     if not len(robot):
-        return places_of(record, touched)
+        return _ends(forced(record), lives), _ends(touched, lives)
     at = np.searchsorted(robot.stamps_ns, [event.stamp_ns for event in touched], side="right")
-    return np.asarray(robot.poses[np.maximum(at - 1, 0), :2])
+    return _ends(forced(record), lives), robot.poses[np.maximum(at - 1, 0), :2]
 
 
-def places_of(record: SceneRecord, events: Sequence[ArtefactEvent]) -> Floats:
-    """Return where the artefacts stood from the event on (N, 2) [m]."""
-    lives = {life.artefact_id: life for life in record.lives if len(life.footprints)}
+def _ends(events: Sequence[ArtefactEvent], lives: Mapping[int, Life]) -> Floats:
+    """Return where the artefacts stood from the event on (N, 2)."""
     places = []
     for event in events:
         if life := lives.get(event.artefact_id):

@@ -124,15 +124,15 @@ class Canvas:
         end_px: Floats,
         colour: Rgb,
         width_px: float = 1.0,
-        *,
-        pattern_px: tuple[float, float],
+        alpha: float = 1.0,
+        pattern_px: tuple[float, float] = (4.0, 3.0),
     ) -> None:
         """Draw a dashed line between two points (2,); the pattern is a dash and a gap."""
         length = float(np.linalg.norm(end_px - start_px))
         for begin in np.arange(0.0, length, sum(pattern_px)).tolist():
             shares = (begin / length, min((begin + pattern_px[0]) / length, 1.0))
             ends = np.array([start_px + share * (end_px - start_px) for share in shares])
-            self.line(ends, colour, width_px)
+            self.line(ends, colour, width_px, alpha)
 
     def ring(self, centre_px: Floats, radius_px: float, colour: Rgb, width_px: float) -> None:
         """Draw a circle."""
@@ -189,7 +189,7 @@ class Canvas:
     def tag(self, text: str, place: Rectangle, size_px: int, colour: Rgb) -> None:
         """Write a text in white on a coloured plate that fills a rectangle."""
         left, top, right, bottom = place
-        plate = corners_of(place)
+        plate = _rounded(place, 3.0)
         self.fill(plate, colour)
         self.line(plate, WHITE, 1.0, closed=True)
         middle = (0.5 * (left + right), 0.5 * (top + bottom))
@@ -197,7 +197,7 @@ class Canvas:
 
     def plate(self, place: Rectangle) -> None:
         """Lighten a rectangle, for what is written on it."""
-        self.fill(corners_of(place), WHITE, 0.8)
+        self.fill(_rounded(place, 5.0), WHITE, 0.8)
 
     def keep_only(self, place: Rectangle) -> None:
         """Make all white again but for a rectangle."""
@@ -208,7 +208,9 @@ class Canvas:
 
     def frame(self, place: Rectangle) -> None:
         """Draw the edge of a rectangle."""
-        self.line(corners_of(place), EDGE, 1.0, closed=True)
+        left, top, right, bottom = place
+        corners = np.array(((left, top), (right, top), (right, bottom), (left, bottom)))
+        self.line(corners, EDGE, 1.0, closed=True)
 
     def _part(self, points_px: Floats, width_px: float) -> tuple[Image, Floats]:
         """Return the part of the canvas about points (N, 2), and where its corner lies (2,)."""
@@ -233,12 +235,6 @@ def text_size(text: str, size_px: int, *, bold: bool = False) -> tuple[int, int]
     """Return the width and height of a text in DejaVu Sans [px]."""
     height, width = _text_mask(text, size_px, bold=bold).shape
     return width, height
-
-
-def corners_of(place: Rectangle) -> Floats:
-    """Return the corners (4, 2) of a rectangle."""
-    left, top, right, bottom = place
-    return np.array(((left, top), (right, top), (right, bottom), (left, bottom)))
 
 
 def bounds_of(points_px: Floats) -> Rectangle:
@@ -271,6 +267,28 @@ def _font(size_px: int, *, bold: bool) -> Any:
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
     path = f"{mpl.get_data_path()}/fonts/ttf/{name}"
     return ImageFont.truetype(path, size_px, layout_engine=ImageFont.Layout.BASIC)
+
+
+def _rounded(place: Rectangle, radius_px: float) -> Floats:
+    """Return a rectangle with rounded corners as a polygon (N, 2)."""
+    left, top, right, bottom = place
+    turns = np.linspace(0.0, 0.5 * np.pi, 7)
+    corners = [
+        (x + dx * radius_px, y + dy * radius_px, start)
+        for x, y, dx, dy, start in (
+            (right, top, -1, 1, -0.5),
+            (right, bottom, -1, -1, 0.0),
+            (left, bottom, 1, -1, 0.5),
+            (left, top, 1, 1, 1.0),
+        )
+    ]
+    arcs = [
+        np.column_stack((x + radius_px * np.cos(angles), y + radius_px * np.sin(angles)))
+        for x, y, start in corners
+        for angles in [start * np.pi + turns]
+    ]
+    outline: Floats = np.concatenate(arcs)
+    return outline
 
 
 def _blend(part: Image, mask: Image, colour: Rgb, alpha: float) -> None:

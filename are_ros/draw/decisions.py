@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from are_ros.conventions import NS_PER_S
 from are_ros.describe.decisions import MOMENT_NS, BestMoves, JourneyValues, Lives
@@ -23,6 +24,8 @@ from are_ros.parameters.model import BehaviourParameters
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.wording import listed, percent
 from are_ros.world.occupancy_grid import OccupancyGrid
+
+Floats = npt.NDArray[np.float64]
 
 _WIDTH_IN: Final = 14.0
 _COLUMNS: Final = 3
@@ -209,6 +212,20 @@ def draw_values(
     limits: tuple[float, float],
 ) -> None:
     """Draw values as colours, from the least to the greatest of the limits, and the best moves."""
+    _draw_field(axes, grid, journey, best, limits)
+    width_in = axes.get_position().width * axes.figure.get_size_inches()[0]
+    left, right = axes.get_xlim()
+    _draw_moves(axes, journey, best, _ARROWS_APART_IN * (right - left) / width_in)
+
+
+def _draw_field(
+    axes: Any,
+    grid: OccupancyGrid,
+    journey: JourneyValues,
+    best: BestMoves,
+    limits: tuple[float, float],
+) -> None:
+    """Colour the free floor of each coarse cell by its value."""
     from matplotlib.transforms import Affine2D
 
     coarse, least = journey.coarse, limits[0]
@@ -218,15 +235,19 @@ def draw_values(
     of_cells = np.repeat(np.repeat(shares, side, axis=0), side, axis=1)[:height, :width]
     image = _colours()(np.nan_to_num(of_cells))
     image[..., 3] = np.isfinite(of_cells) & (grid.cells == 0)
-    planar = grid.origin.matrix()[np.ix_((0, 1, 3), (0, 1, 3))]
+    matrix = grid.origin.matrix()
+    flat = np.array(
+        [
+            [matrix[0, 0], matrix[0, 1], matrix[0, 3]],
+            [matrix[1, 0], matrix[1, 1], matrix[1, 3]],
+            [0.0, 0.0, 1.0],
+        ]
+    )
     extent = (0.0, width * grid.resolution_m, 0.0, height * grid.resolution_m)
     limits_now = axes.get_xlim(), axes.get_ylim()
-    place = Affine2D(planar) + axes.transData
+    place = Affine2D(flat) + axes.transData
     axes.imshow(image, extent=extent, origin="lower", transform=place, zorder=1)
     axes.set(xlim=limits_now[0], ylim=limits_now[1])
-    width_in = axes.get_position().width * axes.figure.get_size_inches()[0]
-    left, right = axes.get_xlim()
-    _draw_moves(axes, journey, best, _ARROWS_APART_IN * (right - left) / width_in)
 
 
 def _draw_moves(axes: Any, journey: JourneyValues, best: BestMoves, apart_m: float) -> None:

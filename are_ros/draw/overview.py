@@ -21,16 +21,16 @@ from are_ros.draw.artefacts import (
     PATH_PX,
     SEEN_PATH_PX,
     UNSEEN_ALPHA,
-    Path,
     behaviour_of,
-    contact_places,
     contacts,
+    displacements,
     draw_artefact,
     draw_paths,
     forced,
     is_gone,
+    mark_places,
     outline_of,
-    places_of,
+    path_of,
 )
 from are_ros.draw.canvas import Canvas, bounds_of
 from are_ros.draw.map import View, draw_map, known_part, window_of, with_furniture
@@ -41,15 +41,18 @@ from are_ros.draw.palette import (
     SEEN,
     SERIES,
     Rgb,
-    behaviour_colours,
+    behaviour_marks,
     class_colours,
-    mixed,
+    time_colour,
 )
 from are_ros.draw.robot import (
-    ROBOT_PATH_PX,
+    draw_ever_seen,
     draw_robot,
     draw_robot_path,
-    fans_at,
+    fan_at,
+    other_fans,
+    spread_indices,
+    time_fractions,
     walls_of,
 )
 from are_ros.draw.scene import Life, SceneRecord
@@ -69,8 +72,7 @@ from are_ros.world.voxel_map import VoxelMap
 
 Floats = npt.NDArray[np.float64]
 
-_SWEPT_TICKS: Final = 200
-_SEEN_ALPHA: Final = 0.13
+_SWEPT_FANS: Final = 60
 _LABEL_PX: Final = 12
 
 
@@ -87,8 +89,9 @@ def draw_overview(
 
     It shows the known part of the map, what stands there by the octomap (`voxels`, if there is
     one), what was in view at some time (as far as the octomap at the camera's height, or else the
-    walls of the map, lets the camera see), the robot's path, and each artefact where it ended, with
-    the path that it went. `ids_as_in` names where a reader finds the ids again.
+    walls of the map, and taller artefacts let the camera see), the robot's path, and each artefact
+    where it ended, with the path that it went. `ids_as_in` names where a reader finds the ids
+    again.
     """
     part = known_part(grid)
     shown_cells = part if voxels is None else with_furniture(grid, part, voxels)
@@ -96,23 +99,25 @@ def draw_overview(
     # On top are those still there, and those perceived.
     standing = [life for life in record.lives if len(life.footprints)]
     standing.sort(key=lambda life: (not is_gone(life, end_ns), life.is_perceived))
-    paths = [Path.of(life) for life in standing]
+    moved = displacements(record.events)
+    paths = [path_of(life, moved.get(life.artefact_id, ())) for life in standing]
     colours = class_colours([life.row.class_name for life in record.lives])
-    behaviours = behaviour_colours([behaviour_of(life) for life in standing])
+    marks = behaviour_marks([behaviour_of(life) for life in standing])
     window = window_of(grid, part, _extent_m(record, standing))
-    sheet = Sheet.of(window, _legends(record, colours, behaviours, end_ns))
+    sheet = Sheet.of(window, _legends(record, colours, marks, end_ns))
     canvas, view = sheet.canvas, sheet.view
     draw_map(canvas, view, grid, shown_cells)
     _draw_ever_seen(sheet, record, walls_of(grid, occupied_threshold, voxels))
-    draw_paths(canvas, view, paths, colours, behaviours)
+    draw_paths(canvas, view, paths, colours, marks)
     labels = _draw_artefacts(sheet, standing, colours, end_ns)
     _draw_robot(sheet, record)
     _draw_events(sheet, record)
     placed = Labels(view.rectangle, _LABEL_PX).place(labels, [label.box for label in labels])
     for one in placed:
         canvas.text(one.text, one.place[:2], _LABEL_PX)
+    duration_s = record.duration_ns / NS_PER_S if len(record.robot) else None
     subtitle = subtitle_of(record, len(labels) - len(placed), ids_as_in)
-    sheet.write(path, _title(record), subtitle)
+    sheet.write(path, _title(record), subtitle, duration_s)
 
 
 def _extent_m(record: SceneRecord, lives: Sequence[Life]) -> Floats:
@@ -127,11 +132,11 @@ def _extent_m(record: SceneRecord, lives: Sequence[Life]) -> Floats:
 
 def _draw_ever_seen(sheet: Sheet, record: SceneRecord, walls: VoxelField) -> None:
     """Tint what was ever in view of a camera."""
-    ticks_ns = record.series.stamps_ns
-    every = max(1, len(ticks_ns) // _SWEPT_TICKS)
-    stamps = ticks_ns[::-1][::every].tolist()  # the last tick is among them
-    fans = [fan for stamp_ns in stamps for fan in fans_at(record, walls, stamp_ns)]
-    sheet.canvas.tint([sheet.view.pixels(fan) for fan in fans], SEEN, _SEEN_ALPHA)
+    indices = spread_indices(record, _SWEPT_FANS)
+    found = [fan for index in indices if (fan := fan_at(record, walls, index)) is not None]
+    stamps = record.camera.stamps_ns[list(indices)].tolist()
+    found += [fan for stamp in stamps for fan in other_fans(record, walls, stamp)]
+    draw_ever_seen(sheet.canvas, sheet.view, found)
 
 
 def _draw_artefacts(
@@ -154,15 +159,15 @@ def _draw_robot(sheet: Sheet, record: SceneRecord) -> None:
     track = record.robot
     if not len(track):
         return
-    draw_robot_path(sheet.canvas, sheet.view, track)
-    for index, colour in ((0, mixed(ROBOT, 0.5)), (-1, ROBOT)):
+    draw_robot_path(sheet.canvas, sheet.view, track, time_fractions(record, track.stamps_ns))
+    for index, fraction in ((0, 0.0), (-1, 1.0)):
+        colour = time_colour(fraction)
         draw_robot(sheet.canvas, sheet.view, record.footprint, track.poses[index], colour)
 
 
 def _draw_events(sheet: Sheet, record: SceneRecord) -> None:
     """Mark displacements and contacts."""
-    displaced, touched = places_of(record, forced(record)), contact_places(record)
-    kinds = ((displaced, DISPLACED_MARK), (touched, CONTACT_MARK))
+    kinds = zip(mark_places(record), (DISPLACED_MARK, CONTACT_MARK), strict=True)
     for places, (name, size_px, face, edge) in kinds:
         for place in sheet.view.pixels(places):
             sheet.canvas.mark(name, place, size_px, face, edge, 1.2)
@@ -179,8 +184,9 @@ def subtitle_of(record: SceneRecord, without_id: int, ids_as_in: str) -> list[st
     ids = f"numbers are ids, as in {ids_as_in}"
     if without_id:
         ids += f"; {counted(without_id, 'number')} left out for want of room"
-    steps = [np.diff(poses[:, :2], axis=0) for poses in record.robot.drives()]
-    driven_m = float(np.linalg.norm(np.concatenate(steps), axis=1).sum())
+    steps = np.diff(record.robot.poses[:, :2], axis=0)
+    is_driven = np.diff(record.robot.drives()) == 0
+    driven_m = float(np.linalg.norm(steps[is_driven], axis=1).sum())
     blocked = Counter(event.kind for event in record.events)[EventKind.BLOCKED]
     return [
         f"{record.duration_ns / NS_PER_S:.0f} s",
@@ -193,16 +199,13 @@ def subtitle_of(record: SceneRecord, without_id: int, ids_as_in: str) -> list[st
 
 
 def _legends(
-    record: SceneRecord, colours: Mapping[str, Rgb], behaviours: Mapping[str, Rgb], end_ns: int
+    record: SceneRecord, colours: Mapping[str, Rgb], marks: Mapping[str, str], end_ns: int
 ) -> list[list[Entry]]:
     """Return the entries for classes, behaviours, and what else there is to see."""
     rest = [*_artefact_entries(record, end_ns), *_event_entries(record)]
     if record.has_cameras:
         rest.append(Entry("in view at some time", patch_sign(SEEN, 0.17)))
-    if len(record.robot):
-        rest.append(Entry("path of the robot", line_sign(ROBOT, ROBOT_PATH_PX)))
-    classes = class_entries(record.lives, colours)
-    return [classes, behaviour_entries(record.lives, behaviours), rest]
+    return [class_entries(record.lives, colours), behaviour_entries(record.lives, marks), rest]
 
 
 def class_entries(lives: Sequence[Life], colours: Mapping[str, Rgb]) -> list[Entry]:
@@ -215,11 +218,11 @@ def class_entries(lives: Sequence[Life], colours: Mapping[str, Rgb]) -> list[Ent
     ]
 
 
-def behaviour_entries(lives: Sequence[Life], colours: Mapping[str, Rgb]) -> list[Entry]:
+def behaviour_entries(lives: Sequence[Life], marks: Mapping[str, str]) -> list[Entry]:
     """Return an entry for each behaviour with which artefacts came, the most frequent first."""
     counts = Counter(filter(None, map(behaviour_of, lives)))
     return [
-        Entry(f"{name}  {count}", mark_sign("disc", BEHAVIOUR_PX, colours[name], edge_px=1.5))
+        Entry(f"{name}  {count}", mark_sign(marks[name], BEHAVIOUR_PX, edge_px=1.5))
         for name, count in sorted(counts.items(), key=lambda item: (-item[1], item[0]))
     ]
 

@@ -1,14 +1,16 @@
 """The colours and marks of all pictures, by class, behaviour, event and time."""
 
+import colorsys
 from collections.abc import Mapping, Sequence
 from functools import cache
 from itertools import cycle
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
+_Value = TypeVar("_Value")
 Rgb = tuple[int, int, int]
 """Red, green and blue from 0 to 255."""
 
@@ -26,8 +28,9 @@ WALL: Final[Rgb] = (88, 95, 104)
 SEEN: Final[Rgb] = (79, 159, 216)
 """What the camera sees."""
 ROBOT: Final[Rgb] = (47, 127, 193)
-DEEP: Final[Rgb] = (11, 47, 107)
-"""The real robot's camera and its laser returns."""
+START: Final[Rgb] = (124, 192, 232)
+END: Final[Rgb] = (11, 47, 107)
+"""The robot's path goes from START over ROBOT to END."""
 CONTACT: Final[Rgb] = (230, 57, 70)
 DISPLACED: Final[Rgb] = (255, 209, 102)
 DISPLACED_EDGE: Final[Rgb] = (92, 68, 0)
@@ -56,7 +59,7 @@ _CLASSES: Final[Mapping[str, Rgb]] = {
     "robot": (42, 157, 143),
     "structure": (125, 90, 80),
 }
-_FURTHER: Final[tuple[Rgb, ...]] = (
+_FURTHER_CLASSES: Final[tuple[Rgb, ...]] = (
     (58, 125, 68),
     (181, 23, 158),
     (141, 153, 174),
@@ -64,8 +67,41 @@ _FURTHER: Final[tuple[Rgb, ...]] = (
     (95, 15, 64),
     (96, 108, 56),
 )
-_MARKS: Final[Mapping[str, Any]] = {"disc": "o", "lozenge": "d", "burst": (8, 1, 0.0)}
-"""The names of marks, with the markers of matplotlib."""
+_SHADES: Final = (0.0, 0.1, -0.1, 0.05, -0.06)
+_MARKS: Final[Mapping[str, Any]] = {
+    "square": "s",
+    "disc": "o",
+    "diamond": "D",
+    "right": ">",
+    "hexagon": "h",
+    "up": "^",
+    "bars": ((-3, 5), (-0.6, 5), (-0.6, -3.6), (0.6, -3.6), (0.6, 5), (3, 5), (3, -5), (-3, -5)),
+    "star": "*",
+    "cross": "X",
+    "down": "v",
+    "left": "<",
+    "plus": "P",
+    "pentagon": "p",
+    "lozenge": "d",
+    "turned_hexagon": "H",
+    "burst": (8, 1, 0.0),
+}
+"""The names of marks, with the markers of matplotlib; a sequence has the corners of its own."""
+_BEHAVIOURS: Final[Mapping[str, str]] = {
+    "standing": "square",
+    "walking": "disc",
+    "wandering": "diamond",
+    "running": "right",
+    "driving": "hexagon",
+    "following": "up",
+    "stopping": "bars",
+    "gathering": "star",
+    "crossing": "cross",
+    "avoiding": "down",
+    "leaving": "left",
+    "along_way": "plus",
+}
+_FURTHER_BEHAVIOURS: Final = ("pentagon", "lozenge", "turned_hexagon", "disc", "square", "diamond")
 
 _BEHAVIOUR_COLOURS: Final[Mapping[str, Rgb]] = {
     "walking": (52, 120, 190),
@@ -96,19 +132,41 @@ def hex_of(colour: Rgb) -> str:
     return "#{:02x}{:02x}{:02x}".format(*colour)
 
 
-def _completed(known: Mapping[str, Rgb], names: Sequence[str]) -> dict[str, Rgb]:
-    """Return what is known, and for the other names in their order a further colour, in turn."""
-    return {**known, **dict(zip(sorted(set(names) - set(known)), cycle(_FURTHER), strict=False))}
+def _completed(
+    known: Mapping[str, _Value], further: Sequence[_Value], names: Sequence[str]
+) -> dict[str, _Value]:
+    """Return what is known, and for the other names in their order what is further, in turn."""
+    return {**known, **dict(zip(sorted(set(names) - set(known)), cycle(further), strict=False))}
 
 
 def class_colours(names: Sequence[str]) -> dict[str, Rgb]:
     """Return a colour for each class; the classes of the shipped catalogue keep their own."""
-    return _completed(_CLASSES, names)
+    return _completed(_CLASSES, _FURTHER_CLASSES, names)
+
+
+def shade_of(colour: Rgb, artefact_id: int) -> Rgb:
+    """Return the colour of a class, a little lighter or darker by the id, to tell paths apart."""
+    hue, light, saturation = colorsys.rgb_to_hls(*(part / 255.0 for part in colour))
+    light = min(max(light + _SHADES[artefact_id % len(_SHADES)], 0.0), 1.0)
+    red, green, blue = (round(255.0 * part) for part in colorsys.hls_to_rgb(hue, light, saturation))
+    return red, green, blue
+
+
+def time_colour(fraction: float) -> Rgb:
+    """Return the colour of an instant on the robot's path, from 0 (its start) to 1 (its end)."""
+    if fraction < 0.5:
+        return mixed(ROBOT, 2.0 * max(fraction, 0.0), START)
+    return mixed(END, 2.0 * min(fraction, 1.0) - 1.0, ROBOT)
+
+
+def behaviour_marks(names: Sequence[str]) -> dict[str, str]:
+    """Return the mark of each behaviour, a name for `mark_outline`; a user's own by their names."""
+    return _completed(_BEHAVIOURS, _FURTHER_BEHAVIOURS, names)
 
 
 def behaviour_colours(names: Sequence[str]) -> dict[str, Rgb]:
     """Return a colour for each behaviour; a user's own by their names."""
-    return _completed(_BEHAVIOUR_COLOURS, names)
+    return _completed(_BEHAVIOUR_COLOURS, _FURTHER_CLASSES, names)
 
 
 @cache

@@ -37,7 +37,9 @@ if TYPE_CHECKING:
 
 _DPI: Final = 120
 _SIZE_IN: Final = (11.5, 5.2)
+_SMALLEST_GAP: Final = 1e-12
 _STRAIGHT_TO: Final = 10.0
+_MOST_TICKS: Final = 7
 _NAMED_SHARE: Final = 0.05
 """A class's block of rows is named if it is at least so wide, as a share of all rows."""
 INK_HEX, FAINT_INK_HEX, EDGE_HEX, BAR_HEX = map(hex_of, (INK, FAINT_INK, EDGE, BAR))
@@ -114,11 +116,12 @@ def draw_fit(
     likelihood = f"log-likelihood per sample {chosen.log_likelihood_per_sample:.5f}"
     with written_figure(path, _SIZE_IN) as figure:
         write_head(figure, 0.63, title, [source, likelihood, f"BIC {chosen.bic:.1f}"])
-        has_bic = len(fits) > 1 and is_by_bic
-        width = 0.58 if has_bic else 0.925
-        _draw_laws(figure.add_axes((0.055, 0.105, width, 0.72)), counts, chosen, catalogue)
-        if has_bic:
-            _draw_bic(figure.add_axes((0.71, 0.105, 0.27, 0.72)), fits, chosen)
+        _draw_laws(figure.add_axes((0.055, 0.105, 0.58, 0.72)), counts, chosen, catalogue)
+        if len(fits) > 1 and is_by_bic:
+            _draw_climb(figure.add_axes((0.71, 0.56, 0.27, 0.265)), chosen)
+            _draw_bic(figure.add_axes((0.71, 0.105, 0.27, 0.275)), fits, chosen)
+        else:
+            _draw_climb(figure.add_axes((0.71, 0.105, 0.27, 0.72)), chosen)
 
 
 def _draw_laws(
@@ -161,6 +164,48 @@ def _draw_classes(axes: Any, catalogue: Catalogue) -> None:
             axes.text(0.5 * (left + right), 1.01, name, **style)
 
 
+def _draw_climb(axes: Any, chosen: "MixtureFit") -> None:
+    """Draw how far below its end the log-likelihood was at each point of the best climb.
+
+    It ends where nothing was gained any more; the name of the axis says how many there were.
+    """
+    from matplotlib.ticker import MaxNLocator
+
+    trace = chosen.trace
+    below = np.maximum(trace[-1] - trace, _SMALLEST_GAP)
+    shown = climb_length(below)
+    axes.semilogy(np.arange(1, shown + 1), below[:shown], color=INK_HEX, lw=1.3)
+    if shown > 100:
+        axes.set_xscale("log")
+    else:
+        axes.xaxis.set_major_locator(MaxNLocator(8, integer=True))
+    axes.set_ylim(0.5 * _SMALLEST_GAP, 3.0 * max(float(below.max()), 10.0 * _SMALLEST_GAP))
+    across = f"point of the search, of {len(below)}"
+    name_axes(axes, "convergence", across, "below the end, per sample")
+
+
+def climb_length(below: npt.NDArray[np.float64]) -> int:
+    """Return how many points (N,) show all of a climb: a few of those that gained nothing more."""
+    last = np.flatnonzero(below > _SMALLEST_GAP)
+    climbing = int(last[-1]) + 1 if len(last) else 0
+    return min(len(below), climbing + max(2, climbing // 10))
+
+
+def bic_ticks(most: float) -> list[int]:
+    """Return 0 and round numbers up to a height above 10, for an axis that is straight to there.
+
+    They are few: without twos and fives where there would be more than seven.
+    """
+    decades = range(1, math.floor(math.log10(most)) + 1)
+    for factors in ((1, 2, 5), (1, 5), (1,)):
+        above = [factor * 10**decade for decade in decades for factor in factors]
+        half = [5] if len(factors) > 1 else []
+        ticks = [0, *half, *(tick for tick in above if tick <= most)]
+        if len(ticks) <= _MOST_TICKS:
+            break
+    return ticks
+
+
 def _draw_bic(axes: Any, fits: Sequence["MixtureFit"], chosen: "MixtureFit") -> None:
     """Draw by how much the BIC of each number of components lies above the least."""
     numbers = [fit.components for fit in fits]
@@ -169,6 +214,8 @@ def _draw_bic(axes: Any, fits: Sequence["MixtureFit"], chosen: "MixtureFit") -> 
     axes.plot([chosen.components], [0.0], "o", color=_COMPONENTS[0], ms=7.0)
     if max(above) > _STRAIGHT_TO:
         axes.set_yscale("symlog", linthresh=_STRAIGHT_TO)
+        ticks = bic_ticks(max(above))
+        axes.set_yticks(ticks, [f"{tick:,}" for tick in ticks])
     axes.set_xticks(numbers)
     name_axes(axes, "number of components", "components", "BIC above the least")
 
@@ -212,10 +259,8 @@ def draw_trial(
     figure: Any, trial: Trial, parameters: Parameters, catalogue: Catalogue, site: Site
 ) -> None:
     """Draw all plots of a trial on a figure."""
-    from matplotlib import colormaps
-
     numbers, shares, space, *below = _axes(figure)
-    colours, end_s = colormaps["plasma"], _shown_s(trial)
+    colours, end_s = _time_colours(), _shown_s(trial)
     _draw_numbers(numbers, trial, end_s, colours)
     _draw_shares(shares, trial)
     _draw_arrivals(space, trial, site, end_s, colours)
@@ -271,6 +316,14 @@ def _axes(figure: Any) -> list[Any]:
     shares = figure.add_subplot(top[0, 1], sharey=numbers)
     space = figure.add_subplot(top[0, 2])
     return [numbers, shares, space, *(figure.add_subplot(bottom[0, i]) for i in range(3))]
+
+
+def _time_colours() -> Any:
+    """Return colours from the first time to the last that stand out on a pale map."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    return ListedColormap(colormaps["plasma"](range(226)), name="arrival times")
 
 
 def _shown_s(trial: Trial) -> float:

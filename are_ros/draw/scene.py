@@ -128,14 +128,13 @@ class Track:
             return None
         return RigidTransform(self.poses[at, :3], self.poses[at, 3:])
 
-    def drives(self) -> list[Floats]:
-        """Return the poses (N, K) of each drive; between two is a gap of the recording."""
-        return np.split(self.poses, np.flatnonzero(np.diff(self.stamps_ns) >= IDLE_NS) + 1)
+    def drives(self) -> npt.NDArray[np.int64]:
+        """Return the number of the drive that each pose belongs to, int64 (N,), ascending from 0.
 
-    def until(self, stamp_ns: int) -> "Track":
-        """Return what there is up to a stamp."""
-        count = int(np.searchsorted(self.stamps_ns, stamp_ns, side="right"))
-        return Track(self.stamps_ns[:count], self.poses[:count])
+        Between two drives is a gap of the recording, in which the way is unknown.
+        """
+        steps_ns = np.diff(self.stamps_ns, prepend=self.stamps_ns[:1])
+        return np.cumsum(steps_ns >= IDLE_NS)
 
 
 class Doing(NamedTuple):

@@ -9,9 +9,9 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.draw.canvas import Canvas, Rectangle, corners_of, text_size
+from are_ros.draw.canvas import Canvas, Rectangle, text_size
 from are_ros.draw.map import View, Window
-from are_ros.draw.palette import FAINT_INK, GREY, INK, PAPER, WHITE, Rgb
+from are_ros.draw.palette import FAINT_INK, GREY, INK, PAPER, WHITE, Rgb, time_colour
 from are_ros.population.scenario import FIRST_ADMITTED_ID
 
 Floats = npt.NDArray[np.float64]
@@ -22,6 +22,7 @@ _MARGIN_PX: Final = 26
 _HEADER_PX: Final = 98
 _FOOTER_PX: Final = 86
 _ROW_PX: Final = 25
+_TIME_BAR_PX: Final = 264
 _FINE: Final = 2
 _TITLE_PX, _SUBTITLE_PX, _LEGEND_PX = 25, 15, 14
 _SUBTITLE_ROW_PX: Final = 19
@@ -49,9 +50,7 @@ class Entry(NamedTuple):
 
 def patch_sign(colour: Rgb, alpha: float = 1.0) -> Sign:
     """Return the sign of what is filled."""
-    return lambda canvas, x, y: canvas.fill(
-        corners_of((x, y - 5.5, x + SIGN_PX, y + 5.5)), colour, alpha
-    )
+    return lambda canvas, x, y: canvas.fill(_box(x, y), colour, alpha)
 
 
 def line_sign(colour: Rgb, width_px: float, alpha: float = 1.0) -> Sign:
@@ -108,6 +107,12 @@ def rows_of(entries: Sequence[Entry], width_px: float, text_px: int) -> list[lis
     return rows
 
 
+def row_width_px(entries: Sequence[Entry], text_px: int) -> int:
+    """Return how wide a row is."""
+    gaps = _ENTRY_GAP_PX * max(len(entries) - 1, 0)
+    return sum(entry.width_px(text_px) for entry in entries) + gaps
+
+
 def draw_row(
     canvas: Canvas, entries: Sequence[Entry], place_px: tuple[float, float], text_px: int
 ) -> None:
@@ -149,23 +154,31 @@ class Sheet:
         px_per_m = min(_LARGEST_PX[0] / window.width_m, _LARGEST_PX[1] / window.height_m)
         width = max(_SMALLEST_PX[0], round(window.width_m * px_per_m))
         height = max(_SMALLEST_PX[1], round(window.height_m * px_per_m))
-        rows = [tuple(row) for legend in legends for row in rows_of(legend, width, _LEGEND_PX)]
+        room = width - _TIME_BAR_PX
+        rows = [tuple(row) for legend in legends for row in rows_of(legend, room, _LEGEND_PX)]
         footer = max(_FOOTER_PX, 22 + _ROW_PX * len(rows))
         size = (round(width) + 2 * _MARGIN_PX, round(height) + _HEADER_PX + footer)
         canvas = Canvas(size, _FINE)
         shown = _widened(window, width / px_per_m, height / px_per_m)
         view = View(shown, px_per_m, _MARGIN_PX, _HEADER_PX)
-        canvas.fill(corners_of(view.rectangle), PAPER)
+        left, top, right, bottom = view.rectangle
+        corners = ((left, top), (right, top), (right, bottom), (left, bottom))
+        canvas.fill(np.array(corners), PAPER)
         return cls(canvas, view, tuple(rows))
 
-    def write(self, path: Path, title: str, subtitle: Sequence[str]) -> None:
+    def write(
+        self, path: Path, title: str, subtitle: Sequence[str], duration_s: float | None = None
+    ) -> None:
         """Draw what surrounds the map and write the picture as PNG; the same gives the same bytes.
 
-        The parts of the subtitle that are empty are left out. Raises OSError.
+        The parts of the subtitle that are empty are left out. With a duration, the colours of the
+        robot's path are explained. Raises OSError.
         """
         from PIL import Image
 
         self._draw_surroundings(title, [part for part in subtitle if part])
+        if duration_s is not None:
+            self._draw_time(duration_s)
         Image.fromarray(self.canvas.finished()).save(path, "PNG", optimize=False, compress_level=6)
 
     def _draw_surroundings(self, title: str, parts: Sequence[str]) -> None:
@@ -179,6 +192,23 @@ class Sheet:
         for number, row in enumerate(self.rows):
             draw_row(canvas, row, (left, bottom + 22 + _ROW_PX * number), _LEGEND_PX)
         self._draw_scale()
+
+    def _draw_time(self, duration_s: float) -> None:
+        """Draw the colours of the robot's path as a bar from the first second to the last."""
+        right, bottom = self.view.rectangle[2:]
+        left, top, high = right - 192.0, bottom + 34.0, 11.0
+        edges = np.linspace(left, right, 97)
+        for i in range(96):
+            x0, x1 = edges[i], edges[i + 1]
+            corners = ((x0, top), (x1, top), (x1, top + high), (x0, top + high))
+            self.canvas.fill(np.array(corners), time_colour((i + 0.5) / 96))
+        middle = 0.5 * (left + right)
+        for text, x, y, anchor in (
+            ("path of the robot", middle, top - 3.0, (0.5, 1.0)),
+            ("0 s", left, top + high + 2.0, (0.0, 0.0)),
+            (f"{duration_s:.0f} s", right, top + high + 2.0, (1.0, 0.0)),
+        ):
+            self.canvas.text(text, (x, y), _LEGEND_PX - 1, anchor=anchor, halo=False)
 
     def _draw_scale(self) -> None:
         """Draw a bar of a round length into the lower left corner of the map."""
@@ -197,6 +227,10 @@ def round_length_m(longest_m: float) -> float:
     """Return the largest of 1, 2, 5 times a power of ten that is not longer."""
     power = 10.0 ** math.floor(math.log10(longest_m))
     return max(step * power for step in (1, 2, 5) if step * power <= longest_m * 1.000001)
+
+
+def _box(x: float, y: float) -> Floats:
+    return np.array(((x, y - 5.5), (x + SIGN_PX, y - 5.5), (x + SIGN_PX, y + 5.5), (x, y + 5.5)))
 
 
 def _level(x: float, y: float) -> Floats:

@@ -22,7 +22,7 @@ import numpy.typing as npt
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.map import known_part, map_from_part, shaded
-from are_ros.draw.palette import DEEP, ROBOT, SEEN, Rgb, class_colours, hex_of
+from are_ros.draw.palette import END, ROBOT, SEEN, Rgb, class_colours, hex_of
 from are_ros.draw.robot import level_sight, robot_outline
 from are_ros.draw.scene import ArtefactAt, Moment, ScanPoints, SceneRecord, shown_every
 from are_ros.draw.sheet import id_text
@@ -61,7 +61,7 @@ _ROBOT_HEIGHT_M: Final = 0.3
 _LABEL_GAP_M: Final = 0.12
 WALL: Final[Rgb] = (206, 209, 214)
 _VIRTUAL: Final[Rgb] = (224, 0, 122)
-_RETURN: Final[Rgb] = DEEP
+_RETURN: Final[Rgb] = END
 _FIELD_OF_VIEW_RAD: Final = math.radians(45.0)
 _SLANT_RAD: Final = math.radians(58.0)
 LAYERS: Final = {
@@ -125,11 +125,7 @@ class ArtefactBodies:
         key = (row.index, row.label, row.size_m, row.box_centre_in_artefact_m)
         if key not in self._meshes:
             known = self._rows.get(row.index)
-            if known and _fits(known, row):
-                vertices_m, faces, _ = surface_of(known)
-                self._meshes[key] = vertices_m.astype(np.float32), faces.astype(np.uint32)
-            else:
-                self._meshes[key] = _box_of(row)
+            self._meshes[key] = _mesh_of(known) if known and _fits(known, row) else _box_of(row)
         return self._meshes[key]
 
     def colour(self, class_name: str) -> Rgb:
@@ -387,12 +383,12 @@ class ViewedScene:
         tan_x = 0.5 * float(slopes[1, 0] - slopes[0, 0])
         tan_y = 0.5 * float(slopes[3, 1] - slopes[2, 1])
         return self._scene.add_camera_frustum(
-            f"/camera/frustum_{number}",
+            _of_camera("/camera/frustum", number),
             2.0 * math.atan(tan_y),
             tan_x / tan_y,
             scale=0.35,
             thickness=0.012,
-            color=DEEP,
+            color=END,
             cast_shadow=False,
         )
 
@@ -412,7 +408,7 @@ class ViewedScene:
             ends = np.arange(1, len(rays))
             self._fans[number] = _Node(
                 self._scene.add_mesh_simple(
-                    f"/camera/fan_{number}",
+                    _of_camera("/camera/fan", number),
                     vertices,
                     np.column_stack((np.zeros_like(ends), ends + 1, ends)),
                     color=SEEN,
@@ -475,6 +471,11 @@ class ViewedScene:
             )
         node.handle.points = near
         node.set(position=_rounded(middle), visible=True)
+
+
+def _of_camera(name: str, number: int) -> str:
+    """Return the name of a node of one of several cameras."""
+    return f"{name}_{number}" if number else name
 
 
 class _Node:
@@ -564,6 +565,11 @@ def _text_of(one: ArtefactAt, *, is_perceived: bool) -> str:
 def _fits(known: CatalogueRow, row: CatalogueRow) -> bool:
     """Say whether two rows are the same type: a recording may be of another catalogue."""
     return known.label == row.label and bool(np.allclose(known.size_m, row.size_m, atol=1e-3))
+
+
+def _mesh_of(row: CatalogueRow) -> tuple[Points, Faces]:
+    vertices_m, faces, _ = surface_of(row)
+    return vertices_m.astype(np.float32), faces.astype(np.uint32)
 
 
 def _box_of(row: CatalogueRow) -> tuple[Points, Faces]:

@@ -141,13 +141,12 @@ def test_a_contact_is_ringed() -> None:
     assert red[2] == red[0]
 
 
-@pytest.mark.parametrize("doing", ["following artefact 1", "waiting behind artefact 1"])
-def test_a_follower_is_joined_to_its_leader_while_it_follows(doing: str) -> None:
+def test_a_follower_is_joined_to_its_leader_while_it_follows() -> None:
     """Half way between the two there are dashes on the floor, and none once it does not follow."""
     follower = replace(
         walker(2, (3, 5), (3, 5.01)),
         doings=(
-            Doing(TICK_NS, "following", doing),
+            Doing(TICK_NS, "following", "following artefact 1"),
             Doing(TICK_NS * 60, "following", "walking"),
         ),
     )
@@ -179,6 +178,30 @@ def test_a_change_of_behaviour_is_told_for_some_seconds(monkeypatch: pytest.Monk
     assert max(inks[0], inks[3]) < 20
 
 
+@pytest.mark.parametrize(("ticks", "told"), [(29, "waiting for 2"), (30, "waiting for pallet 2")])
+def test_a_long_wait_is_told_with_the_class_of_what_is_waited_for(
+    ticks: int, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of three seconds and more."""
+    waiting = replace(
+        walker(1, (5, 5), (5, 5.01)),
+        doings=(
+            Doing(TICK_NS, "walking"),
+            Doing(TICK_NS * 20, "walking", "waiting for artefact 2"),
+            Doing(TICK_NS * (20 + ticks), "walking"),
+        ),
+    )
+    scene = _scene(run([waiting, walker(2, (6, 5), (6, 5.01), name="pallet")]))
+    written = texts_written(monkeypatch)
+    for tick in (19, 21, 20 + ticks):
+        scene.picture(TICK_NS * tick)
+    assert [text for text in written if text.startswith("1 ")] == [
+        "1 walking",
+        f"1 {told}",
+        "1 walking",
+    ]
+
+
 def test_walls_and_the_way_of_the_robot_are_there() -> None:
     """Walls are dark where the map has them, and the way driven so far is blue."""
     scene = _scene(run([], way=ROBOT_WAY))
@@ -188,10 +211,27 @@ def test_walls_and_the_way_of_the_robot_are_there() -> None:
     assert driven[2] > driven[0] + 50
 
 
+def test_the_robot_is_there_from_the_first_picture_on() -> None:
+    """Though its pose comes only with the first transform; one of much later does not count."""
+    late, too_late = run([], way=ROBOT_WAY), run([], way=ROBOT_WAY)
+    late.robot.__dict__["stamps_ns"] = late.robot.stamps_ns + NS_PER_S // 2
+    too_late.robot.__dict__["stamps_ns"] = too_late.robot.stamps_ns + 2 * NS_PER_S
+    inks = []
+    for record in (late, too_late):
+        scene = _scene(record)
+        x, y = np.floor(scene.view.pixels((1.0, 1.0))).astype(int).tolist()
+        part = scene.picture(TICK_NS)[y - 30 : y + 30, x - 30 : x + 30].astype(int)
+        inks.append(int((np.abs(part - (0x2F, 0x7F, 0xC1)).max(axis=2) < 40).sum()))
+    assert inks[0] > 50
+    assert inks[1] == 0
+
+
 def test_the_legend_has_the_robot_and_its_way() -> None:
-    """Where there is a robot."""
-    names = [[one.name for one in _scene(run([], way=way)).legend()] for way in (ROBOT_WAY, ())]
-    assert names == [["real robot", "its path", "field of view"], []]
+    """In the header, where there is a robot."""
+    with_robot, without = (_scene(run([], way=way)) for way in (ROBOT_WAY, ()))
+    header = slice(0, HEADER_PX), slice(350, None)
+    assert (with_robot.picture(TICK_NS)[header] < 200).any()
+    assert not (without.picture(TICK_NS)[header] < 200).any()
 
 
 def test_the_legend_names_what_happens() -> None:
@@ -202,9 +242,9 @@ def test_the_legend_names_what_happens() -> None:
     lives = [walker(1, (7, 5), (7, 5.01)), follower]
     kinds = (EventKind.ARRIVED, EventKind.ROBOT_CONTACT, EventKind.DISPLACED)
     scene = _scene(run(lives, events=[event(kind, 50, 1) for kind in kinds]))
-    names = [entry.name for entry in scene.legend()][3:]
+    names = [entry.name for entry in scene.legend()[1]][3:]
     assert names == ["comes or goes", "robot contact", "displaced", "follows"]
-    assert len(_scene(run(lives[:1])).legend()) == 3
+    assert len(_scene(run(lives[:1])).legend()[1]) == 3
     feet = [
         scene.picture(TICK_NS)[-scene.footer_px :]
         for scene in (scene, _scene(run(lives)), _scene(run(lives[:1])))
@@ -213,29 +253,35 @@ def test_the_legend_names_what_happens() -> None:
     assert inks[0] > inks[1] > inks[2]
 
 
-def test_each_has_its_id_and_what_it_does(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where there is room for it."""
-    spots = [(1.5 + 2.0 * (i % 4), 1.0 + 2.0 * (i // 4)) for i in range(16)]
-    lives = [walker(i, at, at, seen=ALL if i in {2, 5} else ()) for i, at in enumerate(spots)]
+@pytest.mark.parametrize(("count", "told"), [(16, 16), (17, 3)])
+def test_of_many_only_the_perceived_are_told(
+    count: int, told: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each has its id; beside it is what it does, of more than 16 for the perceived only."""
+    spots = [(1.5 + 2.0 * (i % 4), 1.0 + 2.0 * (i // 4)) for i in range(count)]
+    lives = [walker(i, at, at, seen=ALL if i in {2, 5, 16} else ()) for i, at in enumerate(spots)]
+    if count == 16:
+        lives[9] = walker(9, spots[9], spots[9], seen=ALL)
     scene = _scene(run(lives))
     written = texts_written(monkeypatch)
     scene.picture(TICK_NS * 50)
-    labels = {t for t in written if t.split(" ")[0].isdigit() and "virtual" not in t}
-    assert labels == {f"{number} walking" for number in range(16)}
+    labels = [t for t in written if t.split(" ")[0].isdigit() and "virtual" not in t]
+    assert sorted(int(label.split(" ")[0]) for label in labels) == list(range(count))
+    assert sum(label.endswith(" walking") for label in labels) == told
 
 
 def test_a_legend_has_room_for_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    """In as many rows as are needed, and nothing above the map."""
+    """Above only what fits beside the time and the counts; below as many rows as are needed."""
     entries = [Entry("something", patch_sign((0, 0, 0))) for _ in range(9)]
     written = texts_written(monkeypatch)
     for width in (360, 500, 840):
         canvas = Canvas((width, 200))
         written.clear()
-        draw_legend(canvas, entries)
+        draw_legend(canvas, entries, entries)
         picture = canvas.pixels
-        assert (picture[:HEADER_PX] == 255).all()
+        assert (picture[:, :350][:HEADER_PX] == 255).all()
         assert (picture[-ROW_PX:] < 128).any()
-        assert written == ["something"] * 9
+        assert written[-9:] == ["something"] * 9
         assert (picture[HEADER_PX:, width - 8 :] == 255).all(), "nothing reaches beyond the edge"
 
 

@@ -13,7 +13,7 @@ import pytest
 from are_ros.agents.events import SceneMetrics
 from are_ros.draw.map import known_part, shaded, window_of, with_furniture
 from are_ros.draw.overview import draw_overview, subtitle_of
-from are_ros.draw.robot import fans_at, level_sight, walls_of
+from are_ros.draw.robot import fan_at, level_sight, other_fans, spread_indices, walls_of
 from are_ros.draw.scene import CameraAt, Life, SceneRecord, TickSeries, Track
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.meshes.shapes import Shape
@@ -90,9 +90,9 @@ def test_all_cameras_are_drawn(tmp_path: Path) -> None:
     camera = mounted_camera(PINHOLE, (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)).base_from_optical
     backward = CameraAt(1, PINHOLE, RigidTransform.planar(2.5, 2.5, math.pi) @ camera)
     both = replace(record, others={10**9: (backward,)})
-    _, fan = fans_at(both, walls_of(_room(), 65), 10**9)
-    assert fan[1:, 0].max() < 2.5
-    assert len(fans_at(record, walls_of(_room(), 65), 10**9)) == 1
+    (fan,) = other_fans(both, walls_of(_room(), 65), 10**9)
+    assert fan.outline_m[1:, 0].max() < 2.5
+    assert other_fans(record, walls_of(_room(), 65), 10**9) == []
     one, two = (_drawn(each, _room(), tmp_path / "a.png") for each in (record, both))
     assert (one != two).any(axis=2).sum() > 10_000
     alone = replace(both, camera=Track(np.zeros(0, np.int64), np.zeros((0, 7))))
@@ -119,8 +119,9 @@ def test_the_octomap_is_drawn_and_hides_at_the_height_of_the_camera(tmp_path: Pa
         occupied = np.zeros((60, 60, 20), np.uint8)
         occupied[25:28, 10:50, : round(10 * height_m)] = 1
         voxels = VoxelMap(grid.origin, (0.1, 0.1, 0.1), occupied)
-        (fan,) = fans_at(record, walls_of(grid, 65, voxels), 10**9)
-        assert (fan[:, 0].max() < 1.9) == is_hiding
+        fan = fan_at(record, walls_of(grid, 65, voxels), 0)
+        assert fan is not None
+        assert (fan.outline_m[:, 0].max() < 1.9) == is_hiding
         draw_overview(record, grid, tmp_path / "a.png", occupied_threshold=65, voxels=voxels)
         draw_overview(record, grid, tmp_path / "b.png", occupied_threshold=65)
         one, other = (cv2.imread(str(tmp_path / name)) for name in ("a.png", "b.png"))
@@ -269,15 +270,40 @@ def test_rays_in_the_open_reach_the_range() -> None:
     assert reach_m == pytest.approx(np.full(9, 30.0), rel=1e-3)
 
 
+def test_taller_artefacts_end_a_fan() -> None:
+    """An artefact that reaches up to the camera casts a shadow; the ray ends behind it."""
+    blocked = _record([_life(1, 2.5, 0.5, perceived=True)], WAY[:1])
+    reaches = []
+    for record in (blocked, _record((), WAY[:1])):
+        fan = fan_at(record, walls_of(_room(), 65), 0)
+        assert fan is not None
+        offsets = fan.outline_m[1:] - (0.5, 0.5)
+        ahead = np.argmin(np.abs(np.arctan2(offsets[:, 1], offsets[:, 0])))
+        reaches.append(float(fan.outline_m[1 + ahead, 0]))
+    assert reaches[0] == pytest.approx(2.5 + 0.3 / math.cos(0.4), abs=0.1)
+    assert reaches[1] == pytest.approx(4.4, abs=0.12)
+
+
 def test_fan_of_a_pinhole_is_as_wide_as_its_view() -> None:
     """The fan of a pinhole camera begins at the camera and opens by its field of view."""
-    (fan,) = fans_at(_record((), WAY[:1]), walls_of(_room(), 65), 10**9)
-    assert fan[0] == pytest.approx((0.5, 0.5))
-    offsets = fan[[1, -1]] - fan[0]
+    fan = fan_at(_record((), WAY[:1]), walls_of(_room(), 65), 0)
+    assert fan is not None
+    assert fan.outline_m[0] == pytest.approx((0.5, 0.5))
+    offsets = fan.outline_m[[1, -1]] - fan.outline_m[0]
     half = math.atan(63 / 64)
     assert sorted(np.arctan2(offsets[:, 1], offsets[:, 0])) == pytest.approx(
         [-half, half], abs=0.01
     )
+
+
+def test_poses_are_spread_over_the_way() -> None:
+    """Poses are chosen by what the robot drove, not by how long it stood, and the last is one."""
+    way = [(0.0, 0.0, 0.0)] * 50 + [(0.1 * i, 0.0, 0.0) for i in range(40)]
+    chosen = spread_indices(_record((), way), 4)
+    assert len(chosen) == 4
+    assert [way[i][0] for i in chosen] == pytest.approx([0.65, 1.95, 3.25, 3.9], abs=0.11)
+    assert spread_indices(_record((), [(0.0, 0.0, 0.0)] * 9), 4) == [0, 8]
+    assert spread_indices(_record(), 4) == []
 
 
 def test_the_subtitle_says_how_many_have_no_room() -> None:
