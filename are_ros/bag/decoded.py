@@ -13,7 +13,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from are_ros.agents.events import SceneMetrics
 from are_ros.messages.common import read_quaternion, read_time, read_vector
 from are_ros.messages.transforms import (
     OdometryNumbers,
@@ -149,12 +148,22 @@ class Event:
 
 
 @dataclass(frozen=True)
-class Metrics(SceneMetrics):
-    """An are_msgs/SceneMetrics, with the header of the message."""
+class Metrics:
+    """An are_msgs/SceneMetrics: counts at a tick, or since the start; areas in m^2."""
 
     stamp_ns: int
     at_ns: int
     frame_id: str
+    alive: int
+    perceived: int
+    arrivals: int
+    departures: int
+    blocked: int
+    displaced: int
+    robot_contacts: int
+    area_m2: float
+    clutter_ratio: float
+    rho: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -323,11 +332,9 @@ def _event(message: Any, at_ns: int) -> Event:
 
 
 def _metrics(message: Any, at_ns: int) -> Metrics:
-    numbers = {field.name: getattr(message, field.name) for field in fields(SceneMetrics)}
     header = message.header
-    return Metrics(
-        **numbers, stamp_ns=read_time(header.stamp), at_ns=at_ns, frame_id=header.frame_id
-    )
+    numbers = {one.name: getattr(message, one.name) for one in fields(Metrics)[3:]}
+    return Metrics(read_time(header.stamp), at_ns, header.frame_id, **numbers)
 
 
 def _grid(message: Any, at_ns: int) -> Grid:

@@ -26,9 +26,12 @@ class TruncatedPoissonMixture:
     def __init__(self, weights: Sequence[float], rates: Sequence[float], rows: int) -> None:
         """Take pi, at least 0, and lambda of the same length, and the number of rows.
 
-        The weights are normalised to 1. ParameterError if a rate is not positive, or a component
-        has less than half of its mass on the rows.
+        The weights are normalised to 1. ParameterError if the lengths differ, a rate is not
+        positive, or a component has less than half of its mass on the rows.
         """
+        if len(weights) != len(rates):
+            msg = f"mixture.weights has {len(weights)} numbers, mixture.rates has {len(rates)}"
+            raise ParameterError(msg)
         for number, rate in enumerate(rates):
             if not rate > 0.0:
                 raise ParameterError(f"mixture.rates[{number}] is {rate}, but a rate is positive")

@@ -3,7 +3,7 @@
 import math
 from collections import OrderedDict, deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -228,7 +228,8 @@ class SceneReader:
         )
 
     def _take_metrics(self, metrics: Metrics) -> None:
-        self._metrics[metrics.stamp_ns] = metrics
+        names = [field.name for field in fields(SceneMetrics)]
+        self._metrics[metrics.stamp_ns] = SceneMetrics(*(getattr(metrics, n) for n in names))
 
     def _take_map(self, value: Grid) -> None:
         grid = grid_of(value, "map")

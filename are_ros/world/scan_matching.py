@@ -304,7 +304,7 @@ class ScanMatcher:
         matches.sort(key=lambda match: -match.score)
         if matches[0].is_poor:
             return Alignment(matches[0], (), None)
-        return Alignment(matches[0], tuple(matches[1:]), self._slide(cloud, matches))
+        return Alignment(matches[0], tuple(matches[1:]), self._slide(cloud, matches[0], near))
 
     def judged(self, cloud: ScanCloud, pose: PlanarPose) -> tuple[Floats, npt.NDArray[np.uint8]]:
         """Return how far each endpoint lies from an occupied cell [m] (N,), and its flag (N,).
@@ -367,18 +367,22 @@ class ScanMatcher:
         found = self._map_from_part.after(PlanarPose(*at.tolist())).after(about.inverse())
         return self.match(cloud, found)
 
-    def _slide(self, cloud: ScanCloud, matches: Sequence[Match]) -> float | None:
-        """Return the direction from the best to a rival beside it, if what lies between fits."""
-        best, *rivals = matches
+    def _slide(self, cloud: ScanCloud, best: Match, others: Sequence[Match]) -> float | None:
+        """Return the direction from the best to another pose, if what lies between fits.
+
+        Of all candidates, for which few rivals are named is a matter of rounding where many are
+        alike, as in a corridor.
+        """
         middle = cloud.origins_m.mean(axis=0)[np.newaxis]
-        for rival in rivals:
-            turned = abs(wrapped(rival.pose.yaw_rad - best.pose.yaw_rad))
-            dx, dy = (rival.pose.apply(middle) - best.pose.apply(middle))[0].tolist()
-            if turned > DISTINCT_RAD or rival.score < AMBIGUOUS * best.score:
+        for other in others:
+            turned = abs(wrapped(other.pose.yaw_rad - best.pose.yaw_rad))
+            dx, dy = (other.pose.apply(middle) - best.pose.apply(middle))[0].tolist()
+            is_beside = math.hypot(dx, dy) > DISTINCT_M / 2 and turned <= DISTINCT_RAD
+            if not is_beside or other.score < AMBIGUOUS * best.score:
                 continue
-            between = [_between(best.pose, rival.pose, part) for part in (0.25, 0.5, 0.75)]
+            between = [_between(best.pose, other.pose, part) for part in (0.25, 0.5, 0.75)]
             scores = [self.match(cloud, pose).score for pose in between]
-            if min(scores) >= AMBIGUOUS * rival.score and math.hypot(dx, dy) > DISTINCT_M / 2:
+            if min(scores) >= AMBIGUOUS * other.score:
                 return math.atan2(dy, dx)
         return None
 
