@@ -57,6 +57,15 @@ def boxes_overlap(p: _FloatArray, i: int, q: _FloatArray, j: int, tolerance_m: f
 
 
 @compiled
+def any_pair_overlaps(p: _FloatArray, pairs: _IndexArray, tolerance_m: float) -> bool:
+    """Tell whether the rows of p overlap in any of the pairs (M, 2)."""
+    for k in range(pairs.shape[0]):
+        if boxes_overlap(p, pairs[k, 0], p, pairs[k, 1], tolerance_m):
+            return True
+    return False
+
+
+@compiled
 def overlaps_any_of(p: _FloatArray, q: _FloatArray, tolerance_m: float) -> NDArray[np.bool_]:
     """Tell for each row of p whether it overlaps any row of q."""
     out = np.zeros(p.shape[0], np.bool_)
@@ -233,9 +242,8 @@ def overlaps_any(boxes: OrientedBoxes, others: OrientedBoxes) -> NDArray[np.bool
 
 def any_overlap(boxes: OrientedBoxes) -> bool:
     """Tell whether any two of the boxes overlap, by the test of `overlaps_any`."""
-    p = boxes.packed
-    pairs = candidate_pairs(bounds(p)).tolist()
-    return any(boxes_overlap(p, i, p, j, TOUCH_TOLERANCE_M) for i, j in pairs)
+    pairs = candidate_pairs(bounds(boxes.packed))
+    return any_pair_overlaps(boxes.packed, pairs, TOUCH_TOLERANCE_M)
 
 
 def _readonly(values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:

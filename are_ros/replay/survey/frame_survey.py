@@ -1,6 +1,6 @@
 """The frames of a recording as a tree, with oddities in sentences."""
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -111,8 +111,10 @@ class FrameSurveyor:
     def __init__(self) -> None:
         self._edges: dict[tuple[str, str], SurveyedEdge] = {}
         self._slashed: set[str] = set()
-        self._refusals: dict[tuple[str, str, str], list[str]] = defaultdict(list)
-        """Why transforms were refused, by parent, child and topic."""
+        self._refused: Counter[tuple[str, str, str]] = Counter()
+        """How many transforms were refused, by parent, child and topic."""
+        self._reasons: dict[tuple[str, str, str], str] = {}
+        """Why the first of them was."""
 
     def see(
         self,
@@ -128,7 +130,8 @@ class FrameSurveyor:
             self._slashed.update(name for name in (parent, child) if name.startswith("/"))
             names = parent.lstrip("/"), child.lstrip("/")
             if reason := why_invalid(*translation_m, *rotation_xyzw):
-                self._refusals[names[0], names[1], topic].append(reason)
+                self._refused[names[0], names[1], topic] += 1
+                self._reasons.setdefault((names[0], names[1], topic), reason)
                 continue
             ahead_ns = stamp_ns - log_time_ns
             edge = self._edges.get(names)
@@ -157,10 +160,10 @@ class FrameSurveyor:
                 max(0, min(stop_ns, edge.last_ns) - max(start_ns, edge.first_ns))
                 for start_ns, stop_ns in gaps
             )
-        refusals = sorted(self._refusals.items())
-        in_part = [_said_of(k, r) for k, r in refusals if k[:2] in self._edges]
+        reasons = sorted(self._reasons.items())
+        in_part = [_said_of(k, self._refused[k], r) for k, r in reasons if k[:2] in self._edges]
         oddities = [*_oddities(edges, self._slashed, apart), *in_part]
-        refused = [_said_of(k, r) for k, r in refusals if k[:2] not in self._edges]
+        refused = [_said_of(k, self._refused[k], r) for k, r in reasons if k[:2] not in self._edges]
         return FrameSurvey(edges, tuple(oddities), tuple(refused))
 
 
@@ -197,10 +200,9 @@ def static_tf_option(parent: str, child: str) -> str:
     return f'--static-tf "X Y Z YAW PITCH ROLL {parent} {child}"'
 
 
-def _said_of(key: tuple[str, str, str], reasons: Sequence[str]) -> str:
+def _said_of(key: tuple[str, str, str], count: int, reason: str) -> str:
     parent, child, topic = key
-    count = counted(len(reasons), "transform")
-    return f"{count} {parent} -> {child} of {topic} refused: {reasons[0]}"
+    return f"{counted(count, 'transform')} {parent} -> {child} of {topic} refused: {reason}"
 
 
 def _oddities(
