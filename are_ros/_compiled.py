@@ -13,7 +13,11 @@ from typing import IO, Any, ClassVar, Final, TypeVar, cast
 
 import numba
 from numba import types
-from numba.core.caching import FunctionCache
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    UserProvidedCacheLocator,
+)
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -32,8 +36,9 @@ KERNELS: Final[list[str]] = []
 def compiled(function: _Function, **options: bool) -> _Function:
     """Compile a kernel to machine code on its first call, and keep it on disk.
 
-    The cache lies beside the module, in NUMBA_CACHE_DIR when that is set, or in the user's cache
-    directory when the package is not writable. A change of the module, or of any module of the
+    The cache lies beside the module, in NUMBA_CACHE_DIR when that is set (one for all places where
+    the same sources are installed), or in the user's cache directory when the package is not
+    writable. A change of the module, or of any module of the
     package that it imports, makes it anew. Floating point stays strict (IEEE). No code for C
     callbacks is made: it is a tenth of the compiler's time, and unused. No kernel
     should assign an array to a slice: the message of a wrong shape alone compiles for seconds.
@@ -65,6 +70,29 @@ def name_of(function: Callable[..., Any]) -> str:
     return f"{function.__module__}.{function.__qualname__}"
 
 
+class _SameForAllInstallations(UserProvidedCacheLocator):  # type: ignore[misc] # numba is not typed
+    """The folder in NUMBA_CACHE_DIR of a module of the package, wherever that is installed.
+
+    Numba itself would have one for each place, and compile the same sources in each.
+    """
+
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file: str) -> str:
+        """Return the folder's path below NUMBA_CACHE_DIR."""
+        return str(Path(py_file).parent.relative_to(_PACKAGE.parent))
+
+    @classmethod
+    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> Any:
+        """Return the locator of a function; None if no folder is set, or for another package."""
+        if Path(py_file).is_relative_to(_PACKAGE):
+            return super().from_function(py_func, py_file)
+        return None
+
+
+class _KernelCacheImpl(CompileResultCacheImpl):  # type: ignore[misc] # numba is not typed
+    _locator_classes: ClassVar = [_SameForAllInstallations, *CompileResultCacheImpl._locator_classes]
+
+
 class KernelCache(FunctionCache):  # type: ignore[misc] # numba is not typed
     """Numba's cache, for kernels of several modules and for several processes at a time.
 
@@ -74,6 +102,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc] # numba is not typed
     it meanwhile. Kernels do not call each other in circles, so there is no deadlock.
     """
 
+    _impl_class = _KernelCacheImpl
     _files: ClassVar[dict[Path, IO[str]]] = {}
 
     def __init__(self, function: Callable[..., Any]) -> None:

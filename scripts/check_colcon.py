@@ -19,7 +19,7 @@ from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parents[1]
 SCRATCH = PROJECT / "build" / "colcon"
-SOURCE, VENV = SCRATCH / "src", SCRATCH / "venv"
+SOURCE, VENV, KERNELS = SCRATCH / "src", SCRATCH / "venv", SCRATCH / "numba"
 PYTHON = VENV / "bin" / "python"
 STAND_INS = ("tf2_msgs", "map_msgs", "vision_msgs")
 OF_ANOTHER_ROS = (
@@ -38,6 +38,7 @@ def main() -> int:
     """Check both ways of installing, and return the exit status."""
     try:
         copy_sources()
+        share_kernels()
         set_up_environment()
         for option in ("", "--symlink-install"):
             check_build(option)
@@ -61,6 +62,18 @@ def copy_sources() -> None:
         if (PROJECT / name).is_file():
             (SOURCE / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(PROJECT / name, SOURCE / name)
+
+
+def share_kernels() -> None:
+    """Begin with the kernels that are compiled beside the project's sources.
+
+    All ways of installing have the same sources, so what one compiles serves the others.
+    """
+    shutil.rmtree(KERNELS, ignore_errors=True)
+    for kernel in (PROJECT / "are_ros").rglob("__pycache__/*.nb?"):
+        folder = KERNELS / kernel.parents[1].relative_to(PROJECT)
+        folder.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(kernel, folder)
 
 
 def set_up_environment() -> None:
@@ -146,7 +159,7 @@ def environment() -> Iterator[tuple[str, str]]:
     yield "AMENT_PREFIX_PATH", str(VENV)
     yield "CMAKE_PREFIX_PATH", str(VENV)
     yield "COLCON_DEFAULTS_FILE", "colcon_defaults.yaml"
-    yield "NUMBA_CACHE_DIR", str(SCRATCH / "numba")
+    yield "NUMBA_CACHE_DIR", str(KERNELS)
 
 
 if __name__ == "__main__":

@@ -42,16 +42,16 @@ def pair(tmp_path: Path) -> Path:
     return package
 
 
-def begin(pair: Path, argument: str) -> subprocess.Popen[str]:
+def begin(pair: Path, argument: str, cache: str = "") -> subprocess.Popen[str]:
     """Let a process call `outer`, and print the result and how often it was not in the cache."""
-    environment = {**os.environ, "PYTHONPATH": str(pair.parent), "NUMBA_CACHE_DIR": ""}
+    environment = {**os.environ, "PYTHONPATH": str(pair.parent), "NUMBA_CACHE_DIR": cache}
     command = [sys.executable, "-c", _CALL.format(argument)]
     return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
 
 
-def call(pair: Path, argument: str) -> list[str]:
+def call(pair: Path, argument: str, cache: str = "") -> list[str]:
     """Return what such a process printed."""
-    return begin(pair, argument).communicate(timeout=120)[0].split()
+    return begin(pair, argument, cache).communicate(timeout=120)[0].split()
 
 
 def test_a_kernel_is_made_anew_when_what_it_calls_has_changed(pair: Path) -> None:
@@ -67,6 +67,18 @@ def test_a_touched_source_is_no_other_source(pair: Path) -> None:
     assert call(pair, "1") == ["20", "1"]
     os.utime(pair / "inner.py", (0, 0))
     assert call(pair, "1") == ["20", "0"]
+
+
+def test_a_named_cache_serves_all_places_of_the_same_sources(pair: Path, tmp_path: Path) -> None:
+    """As a workspace is built copied and linked; other sources there get kernels of their own."""
+    cache = str(tmp_path / "cache")
+    elsewhere = tmp_path / "elsewhere" / "pair"
+    shutil.copytree(pair, elsewhere)
+    assert call(pair, "1", cache) == ["20", "1"]
+    assert call(elsewhere, "1", cache) == ["20", "0"]
+    (elsewhere / "inner.py").write_text(_INNER.format(2), encoding="ascii")
+    assert call(elsewhere, "1", cache) == ["30", "1"]
+    assert call(pair, "1", cache) == ["20", "1"]
 
 
 def test_processes_that_compile_at_once_keep_what_both_made(pair: Path) -> None:

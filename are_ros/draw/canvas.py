@@ -58,6 +58,10 @@ class Canvas:
         """Fill a polygon (N, 2) with an opacity."""
         import cv2
 
+        if alpha >= 1.0:
+            corners = [self._fixed(corners_px)]
+            cv2.fillPoly(self.pixels, corners, colour, cv2.LINE_AA, _SHIFT)
+            return
         part, offset_px = self._part(corners_px, 0.0)
         if not part.size:
             return
@@ -72,7 +76,9 @@ class Canvas:
         mask: Image = np.zeros(self.pixels.shape[:2], dtype=np.uint8)
         for outline in outlines_px:
             cv2.fillPoly(mask, [self._fixed(outline)], 255, cv2.LINE_8, _SHIFT)
-        _blend(self.pixels, mask, colour, alpha)
+        left, top, width, height = cv2.boundingRect(mask)
+        part = np.s_[top : top + height, left : left + width]
+        _blend(self.pixels[part], mask[part], colour, alpha)
 
     def line(
         self,
@@ -294,5 +300,8 @@ def _rounded(place: Rectangle, radius_px: float) -> Floats:
 def _blend(part: Image, mask: Image, colour: Rgb, alpha: float) -> None:
     """Lay a colour over a part (h, w, 3), as strongly as the mask (h, w) says, times `alpha`."""
     weight = mask.astype(np.float32)[..., np.newaxis] * (alpha / 255.0)
-    laid = part + weight * (np.array(colour, dtype=np.float32) - part)
-    part[:] = np.rint(laid).astype(np.uint8)
+    laid = np.array(colour, dtype=np.float32) - part
+    laid *= weight
+    laid += part
+    np.rint(laid, out=laid)
+    part[:] = laid

@@ -1,5 +1,6 @@
 """The kernels are compiled beforehand, for as long as somebody wants them."""
 
+import pickle
 import subprocess
 import sys
 from contextlib import ExitStack
@@ -63,6 +64,24 @@ def catalogue_of(count: int) -> Catalogue:
     return Catalogue(tuple(rows))
 
 
+@pytest.fixture(autouse=True)
+def unrehearsed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Begin as a process does that has rehearsed nothing."""
+    monkeypatch.setattr(module, "_REHEARSED", set())
+
+
+def test_what_is_rehearsed_is_ready_but_still_has_to_be_wanted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A second replay of one process waits for nothing, another catalogue does."""
+    assert warm_up(catalogue_of(1), ALL)
+    monkeypatch.setattr(module, "_Scene", None)
+    assert warm_up(catalogue_of(1), ALL)
+    assert not warm_up(catalogue_of(1), ALL, lambda: False)
+    with pytest.raises(TypeError, match="not callable"):
+        warm_up(catalogue_of(2), ALL)
+
+
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_it_works_with_catalogues_of_any_length(count: int) -> None:
     """The mixture of the parameters would not: it is made for the shipped one."""
@@ -95,7 +114,7 @@ def test_it_ends_before_the_next_kernel_when_it_is_not_wanted_any_more(
 
     monkeypatch.setattr(module, "_Scene", Compiling)
     assert warm_up(catalogue_of(1), ALL)
-    assert not warm_up(catalogue_of(1), ALL, lambda: False)
+    assert not warm_up(catalogue_of(2), ALL, lambda: False)
     assert asked == [True]
     Compiling().live()
     assert asked == [True, True]
@@ -106,7 +125,7 @@ def test_a_helper_rehearses_what_sees_in_a_process_of_its_own() -> None:
     catalogue = catalogue_of(2)
     assert warm_up(catalogue, ALL)
     with ExitStack() as stack:
-        helper = module._Helper(catalogue, ALL, stack)
+        helper = module._Helper(pickle.dumps((catalogue, ALL)), stack)
         helper.start()
         if helper._process is None:
             pytest.skip("a machine of one core has no helper")

@@ -47,7 +47,7 @@ def test_the_parameters_make_the_chain() -> None:
     """The defaults on 200 m^2: an arrival in 10 s, six alive."""
     chain = BirthDeath.of(Parameters().population, 200.0)
     assert chain.groups_per_s == pytest.approx(0.1)
-    assert chain.load == chain.mean == pytest.approx(6.0)
+    assert (chain.load, chain.mean) == pytest.approx((6.0, 6.0))
     assert chain.deviation == pytest.approx(math.sqrt(6.0))
     assert chain.band() == (2, 10)
 
