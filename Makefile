@@ -49,10 +49,10 @@ $(VENV)/kernels: $(VENV)/ready
 	@touch $@
 
 test: $(VENV)/ready-for-tests
-	$(BIN)/pytest -n $(JOBS)
+	$(BIN)/pytest -n $(JOBS) --dist worksteal
 
 test-long: $(VENV)/ready-for-tests
-	$(BIN)/pytest -n $(JOBS) -m long
+	$(BIN)/pytest -n $(JOBS) --dist worksteal -m long
 
 lint: $(VENV)/ready-for-tests
 	$(BIN)/ruff check .

@@ -90,7 +90,10 @@ class _SameForAllInstallations(UserProvidedCacheLocator):  # type: ignore[misc] 
 
 
 class _KernelCacheImpl(CompileResultCacheImpl):  # type: ignore[misc] # numba is not typed
-    _locator_classes: ClassVar = [_SameForAllInstallations, *CompileResultCacheImpl._locator_classes]
+    _locator_classes: ClassVar = [
+        _SameForAllInstallations,
+        *CompileResultCacheImpl._locator_classes,
+    ]
 
 
 class KernelCache(FunctionCache):  # type: ignore[misc] # numba is not typed

@@ -208,7 +208,7 @@ class Bench:
         for counts in metrics["scans"].values():
             ways.update(counts)
         line |= {"speed": timing["real_time_factor"], "ways": dict(ways), "said": said[-1500:]}
-        status, said = self._are("check", str(out))
+        status, said = self.are("check", str(out))
         failed = [
             row for row in said.splitlines() if ": passed" not in row and "skipped" not in row
         ]
@@ -282,9 +282,10 @@ class Bench:
         length = [] if run.duration_s is None else ["--duration", str(run.duration_s)]
         seed = ["--seed", str(self.seed), "--out", str(out)]
         options = [*run.case.words(self.data), *words, *length, *self.extra, *seed]
-        return self._are("replay", str(bag), *options)
+        return self.are("replay", str(bag), *options)
 
-    def _are(self, *words: str) -> tuple[int, str]:
+    def are(self, *words: str) -> tuple[int, str]:
+        """Run the command in a process of its own; return its status and what it says."""
         done = subprocess.run(
             [*self._python(), "-m", "are_ros", *words],
             check=False,

@@ -4,6 +4,7 @@ import heapq
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from operator import attrgetter
 from pathlib import Path
 from struct import Struct
@@ -200,23 +201,28 @@ def _typestore_of(connection: Any, *, is_ros1: bool) -> Any:
             )
             raise BagError(message)
         return store
-    store = get_typestore(Stores.EMPTY)
     try:
-        store.register(_types_of(connection))
-        store.get_msgdef(connection.msgtype)
+        return _store_with(connection.msgtype, connection.msgdef)
     except Exception as cause:
         message = (
             f"{connection.topic}: the recording's definition of {connection.msgtype}"
             f" cannot be understood: {sentence_of(cause)}"
         )
         raise BagError(message) from cause
+
+
+@lru_cache(maxsize=256)
+def _store_with(type_name: str, definition: Any) -> Any:
+    """Return a typestore of a definition: one for all recordings that have the same."""
+    store = get_typestore(Stores.EMPTY)
+    store.register(_types_of(type_name, definition))
+    store.get_msgdef(type_name)
     return store
 
 
-def _types_of(connection: Any) -> dict[str, Any]:
-    definition = connection.msgdef
+def _types_of(type_name: str, definition: Any) -> dict[str, Any]:
     if definition.format == MessageDefinitionFormat.MSG:
-        return dict(get_types_from_msg(definition.data, connection.msgtype))
+        return dict(get_types_from_msg(definition.data, type_name))
     if not definition.data.startswith(f"{_IDL_SEPARATOR}IDL: "):
         return dict(get_types_from_idl(definition.data))
     types: dict[str, Any] = {}
