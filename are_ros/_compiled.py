@@ -92,7 +92,7 @@ class _SameForAllInstallations(UserProvidedCacheLocator):  # type: ignore[misc] 
 class _KernelCacheImpl(CompileResultCacheImpl):  # type: ignore[misc] # numba is not typed
     _locator_classes: ClassVar = [
         _SameForAllInstallations,
-        *CompileResultCacheImpl._locator_classes,
+        *CompileResultCacheImpl._locator_classes,  # noqa: SLF001 - numba has no other way
     ]
 
 
