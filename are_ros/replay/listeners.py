@@ -32,7 +32,7 @@ from are_ros.replay.runner import Listener
 from are_ros.replay.scene_record import SceneRecorder
 from are_ros.wording import percent
 from are_ros.world.environment import Environment
-from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.occupancy_grid import OccupancyGrid, distances_in_cells
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.scan_matching import NEAR_M
 
@@ -303,11 +303,8 @@ def _ends(scan: LaserScan, map_from_laser: RigidTransform) -> npt.NDArray[np.flo
 
 def _near_walls(environment: Environment) -> npt.NDArray[np.bool_]:
     """Return which cells are within `NEAR_M` of an occupied one, bool (height, width)."""
-    import cv2  # it takes a while to load
-
-    is_clear = (~environment.classes.occupied).astype(np.uint8)
-    away = cv2.distanceTransform(is_clear, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    near: npt.NDArray[np.bool_] = np.asarray(away) <= NEAR_M / environment.grid.resolution_m + 1.0
+    away = distances_in_cells(~environment.classes.occupied)
+    near: npt.NDArray[np.bool_] = away <= NEAR_M / environment.grid.resolution_m + 1.0
     return near
 
 

@@ -16,7 +16,7 @@ from are_ros._compiled import compiled
 from are_ros.world import lattice_cover
 from are_ros.world.boxes import TOUCH_TOLERANCE_M, OrientedBoxes
 from are_ros.world.lattice_cover import covered, lattice_row
-from are_ros.world.occupancy_grid import CellClasses, OccupancyGrid
+from are_ros.world.occupancy_grid import CellClasses, OccupancyGrid, distances_in_cells
 from are_ros.world.rigid_transform import RigidTransform, in_level_frame
 from are_ros.world.voxel_map import VoxelMap
 
@@ -330,7 +330,7 @@ class Environment:
         Exact, between cell centres; 0 on cells that are not free. All cells outside the grid
         count as not free.
         """
-        field = _distances_in_cells(self.classes.free, border=1)
+        field = distances_in_cells(self.classes.free, border=1)
         field *= np.float32(self.grid.resolution_m)
         field.flags.writeable = False
         return field
@@ -455,21 +455,6 @@ def _obstacles_above(voxels: VoxelMap, lowest_m: float, clearance_m: float) -> _
         lowest.astype(np.int32),
         lattice_row(voxels.map_from_lattice, width_m, depth_m),
         (base_m, height_m),
-        _distances_in_cells(is_clear, border=0),
+        distances_in_cells(is_clear),
         lowest_m,
     )
-
-
-def _distances_in_cells(is_clear: NDArray[np.bool_], border: int) -> NDArray[np.float32]:
-    """Return the exact distances from the nearest cell that is not clear, nor inside the border.
-
-    With no such cell at all, each distance is larger than the grid.
-    """
-    import cv2
-
-    padded = np.pad(is_clear.view(np.uint8) if border else is_clear.astype(np.uint8), border)
-    if padded.all():
-        return np.full(is_clear.shape, np.float32(sum(is_clear.shape)))
-    field = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    inner = slice(border, -border or None)
-    return np.ascontiguousarray(field[inner, inner], dtype=np.float32)

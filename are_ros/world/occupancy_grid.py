@@ -228,3 +228,19 @@ def _checked_origin(
         )
         raise InputError(message)
     return RigidTransform(translation_m=position, rotation_xyzw=yaw_only(rotation))
+
+
+def distances_in_cells(is_clear: npt.NDArray[np.bool_], border: int = 0) -> npt.NDArray[np.float32]:
+    """Return the exact distances (height, width), in cells, to the nearest cell that is not clear.
+
+    With a border of 1, what is outside of the grid is not clear. Without any such cell each
+    distance is larger than the grid.
+    """
+    import cv2  # it takes a while to load
+
+    padded = np.pad(is_clear.astype(np.uint8), border)
+    if padded.all():
+        return np.full(is_clear.shape, np.float32(sum(is_clear.shape)))
+    field = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    inner = slice(border, -border or None)
+    return np.ascontiguousarray(field[inner, inner], dtype=np.float32)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from are_ros.errors import ParameterError
 from are_ros.parameters.choices import Region
-from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.occupancy_grid import OccupancyGrid, distances_in_cells
 from are_ros.world.rigid_transform import in_level_frame
 from are_ros.yaml_text import Fields, read_yaml
 
@@ -248,11 +248,8 @@ class ReachableRegion(RegionFinder):
         return _nearest_label(self._labels, row, col, self._snap_cells)
 
     def _grown(self, label: int) -> npt.NDArray[np.bool_]:
-        import cv2
-
         window = _window_of(self._labels == label, math.ceil(self._radius_cells) + 1)
-        outside = (self._labels[window] != label).view(np.uint8)
-        distance = cv2.distanceTransform(outside, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        distance = distances_in_cells(self._labels[window] != label)
         grown = np.zeros(self._free.shape, np.bool_)
         grown[window] = self._free[window] & (distance <= self._radius_cells + _ROUNDING)
         return grown

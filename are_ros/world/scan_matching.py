@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import compiled
-from are_ros.world.occupancy_grid import CellClasses, OccupancyGrid
+from are_ros.world.occupancy_grid import CellClasses, OccupancyGrid, distances_in_cells
 
 Bytes = npt.NDArray[np.uint8]
 Floats = npt.NDArray[np.float64]
@@ -431,7 +431,8 @@ class _CoarseMap:
             hits = np.zeros(shape, dtype=np.float32)
             np.add.at(hits, (turned[:, 1], turned[:, 0]), 1.0)  # negative ones count from the end
             scores = fft.irfft2(spectrum * np.conj(fft.rfft2(hits)), shape)[:height, :width]
-            best = np.argsort(scores, axis=None)[-_OF_A_HEADING:]
+            most = min(_OF_A_HEADING, scores.size)
+            best = np.argpartition(scores, -most, axis=None)[-most:]
             rows, cols = np.unravel_index(best, scores.shape)
             found.append(np.column_stack((cols, rows, np.full(len(best), yaw), scores[rows, cols])))
         return self._distinct(np.concatenate(found))
@@ -491,16 +492,10 @@ def _distance_m(kinds: npt.NDArray[np.uint8], cell_m: float) -> npt.NDArray[np.f
     cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
     inner = cv2.erode(walls, cross, borderType=cv2.BORDER_CONSTANT, borderValue=0)
     surface = walls & ~inner
-    distances = cv2.distanceTransform(1 - surface, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    metres: npt.NDArray[np.float32] = np.asarray(distances, dtype=np.float32) * np.float32(cell_m)
+    metres: npt.NDArray[np.float32] = distances_in_cells(surface == 0) * np.float32(cell_m)
     return metres
 
 
 def _clearance(kinds: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
     """Return the distance to the nearest wall's centre in whole cells, 0 in walls, 255 at most."""
-    import cv2
-
-    walls = (kinds == WALL_CELL).astype(np.uint8)
-    distances = cv2.distanceTransform(1 - walls, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    clear: npt.NDArray[np.uint8] = np.clip(np.asarray(distances), 0.0, 255.0).astype(np.uint8)
-    return clear
+    return np.clip(distances_in_cells(kinds != WALL_CELL), 0.0, 255.0).astype(np.uint8)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.world.environment import Environment
+from are_ros.world.occupancy_grid import distances_in_cells
 from are_ros.world.regions import Zone, Zones, polygon_mask
 
 PERSON_WIDTH_M: Final = 0.6
@@ -71,7 +72,7 @@ def _openings(environment: Environment, stands: _Mask, region: _Mask, room_m: fl
     inner = (slice(frame, -frame), slice(frame, -frame))
     occupied = np.pad(environment.classes.occupied, frame)
     known = np.pad(environment.classes.free | environment.classes.occupied, frame)
-    passable = _distances_m(~occupied, resolution_m) >= room_m
+    passable = distances_in_cells(~occupied) * resolution_m >= room_m
     beyond = _large_parts(passable & ~known, _LEADS_ON_M2 / environment.grid.cell_area_m2)
     opening = _dilated(beyond)[inner] & region
     if not opening.any():
@@ -100,16 +101,6 @@ def _spread(opening: _Cells, places: _Cells, apart: float) -> list[_Cells]:
         distances = np.minimum(distances, np.hypot(*(opening - part).T))
         part = opening[int(np.argmax(distances))]
     return found
-
-
-def _distances_m(clear: _Mask, resolution_m: float) -> _Floats:
-    """Return the distance [m] of each cell from the nearest one not clear; inf if all are."""
-    import cv2
-
-    if clear.all():
-        return np.full(clear.shape, np.inf)
-    cells = cv2.distanceTransform(clear.view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return np.asarray(cells * resolution_m, dtype=np.float64)
 
 
 def _large_parts(mask: _Mask, least_cells: float) -> _Mask:

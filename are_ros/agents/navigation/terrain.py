@@ -11,7 +11,7 @@ from are_ros._compiled import borrowing, compiled
 from are_ros.world.boxes import TOUCH_TOLERANCE_M
 from are_ros.world.environment import Environment
 from are_ros.world.lattice_cover import TWO_HALF_DIAGONALS, lattice_row
-from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.occupancy_grid import OccupancyGrid, distances_in_cells
 
 HEIGHT_STEP_M: Final = 0.25
 FIRST_LEAP: Final = 16
@@ -51,7 +51,7 @@ class Terrain:
         """
         if not has_own_voxels(self.environment):
             return self.environment.clearance_m
-        field = _distances(self.environment.classes.free & ~self._overhung)
+        field = distances_in_cells(self.environment.classes.free & ~self._overhung, border=1)
         field *= np.float32(self.grid.resolution_m)
         field.flags.writeable = False
         return field
@@ -112,15 +112,6 @@ class Terrains:
 def has_own_voxels(environment: Environment) -> bool:
     """Return whether M3D may close cells that are free in the grid."""
     return environment.voxels is not None and not environment.voxels.is_extruded
-
-
-def _distances(is_open: npt.NDArray[np.bool_]) -> npt.NDArray[np.float32]:
-    """Return the exact distances [cells] from the nearest closed cell; outside all is closed."""
-    import cv2
-
-    padded = np.pad(is_open.astype(np.uint8), 1)
-    field = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return np.ascontiguousarray(field[1:-1, 1:-1], dtype=np.float32)
 
 
 @borrowing
