@@ -15,7 +15,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
 from are_ros.bag.reader import BagMessage, BagReader, BagTopic
-from are_ros.bag.roles import slashed
+from are_ros.bag.roles import TF_TYPES, slashed
 from are_ros.bag.types import ros2_type
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, NodeError
@@ -80,6 +80,8 @@ CLOCK: Final = "/clock"
 LARGE_BYTES: Final = 60_000
 """More does not fit into one packet, and packets may be lost on the way and be sent again."""
 _DEPTH: Final = 100
+_ADDING_TYPES: Final = (*TF_TYPES, "rcl_interfaces/msg/Log")
+"""A message of these adds to those before it; any other latched one takes their place."""
 
 
 class PlayedTopics:
@@ -169,8 +171,10 @@ class PlayedTopics:
 
 def _qos(topic: BagTopic, options: PlayOptions) -> QoSProfile:
     is_reliable = topic.is_reliable or bool(options.lockstep)
+    is_last_enough = topic.is_latched and topic.type_name not in _ADDING_TYPES
+    is_each_awaited = bool(options.lockstep) and "static" not in topic.name
     return QoSProfile(
-        depth=1 if options.lockstep and "static" not in topic.name else _DEPTH,
+        depth=1 if is_last_enough or is_each_awaited else _DEPTH,
         reliability=ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=(
             DurabilityPolicy.TRANSIENT_LOCAL if topic.is_latched else DurabilityPolicy.VOLATILE

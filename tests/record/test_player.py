@@ -120,11 +120,28 @@ def test_who_comes_late_gets_what_was_latched(ros: RosWorld, tmp_path: Path) -> 
     early = listen(ros, ("/a",))
     with playing(bag, wait_for=(LISTENER,)), ros.spinning():
         wait_for_text(early, "gone")
-        late = listen(ros, ("/map", "/a"), qos=profile(is_latched=True, depth=1), name="late")
+        late = listen(ros, ("/map", "/a"), qos=profile(is_latched=True), name="late")
         wait_for_text(late, "new")
         ros.spin_for(0.1)
     assert texts(late, "/map") == ["new"]
     assert texts(late, "/a") == []
+
+
+def test_who_comes_late_gets_all_static_transforms(ros: RosWorld, tmp_path: Path) -> None:
+    """Each message adds frames to those before it."""
+    from tf2_msgs.msg import TFMessage
+
+    factory = RosbagsFactory()
+    records = [(0.0, "lidar"), (0.05, "camera"), (NEVER_S, "never")]
+    messages = [("/tf_static", at_s, transforms(factory, child)) for at_s, child in records]
+    bag = write_messages(tmp_path / "static.mcap", messages, latched=["/tf_static"])
+    qos = profile(is_latched=True, depth=100)
+    early = ros.collect(ros.make_node("listener"), TFMessage, "/tf_static", qos)
+    with playing(bag, wait_for=(LISTENER,)), ros.spinning():
+        ros.spin_until(lambda: len(early) == 2)
+        late = ros.collect(ros.make_node("late"), TFMessage, "/tf_static", qos)
+        ros.spin_until(lambda: len(late) == 2)
+    assert [one.transforms[0].child_frame_id for one in late] == ["lidar", "camera"]
 
 
 def test_a_recording_is_played_at_its_rate(ros: RosWorld, tmp_path: Path) -> None:
