@@ -5,9 +5,10 @@ Artefacts live beside a robot that drives about, as in `are soak`. Reported are,
 with a choice of moves:
 
 - executed: at the next decision the artefact is where its move can lead to, or has turned towards
-  it. That is a cell on the way that the move begins, or beside it, and nearer to its points; its
-  own cell if it was to stay, or the move failed. Else whether its activity or the local planner
-  names what hindered it;
+  it. That is a cell on the way that the move begins, or on the straight line to the sub-goal, to
+  which this way is drawn tight, or beside one of them, and nearer to its points; its own cell if it
+  was to stay, or the move failed. Else whether its activity or the local planner names what
+  hindered it;
 - the horizon changed the action: the best action with what is left of the life is another than
   the best one with the longest horizon;
 
@@ -44,12 +45,16 @@ _TURN_RAD = math.radians(20.0)
 HINDERED = ("waiting for", "blocked by", "giving way", "manoeuvring", "no way")
 
 
+Polyline = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+
 class Pending(NamedTuple):
     """A decision whose outcome the next one shows."""
 
     at_m: tuple[float, float]
     yaw_rad: float
-    way_m: np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+    way_m: Polyline
+    """From there through the cells of the move to the sub-goal."""
     reach_m: float
     stays: bool
 
@@ -87,7 +92,7 @@ class Report:
             self.counts["horizon"] += 1
         subgoal_m = result.command.subgoal_m
         reach_m = max(request.speeds_mps) * self._period_s
-        way_m = result.way_m if subgoal_m is None else np.vstack((result.way_m, subgoal_m))
+        way_m = np.vstack((me.point_m, result.way_m, *([] if subgoal_m is None else [subgoal_m])))
         self._pending[me.id] = Pending(me.point_m, me.yaw_rad, way_m, reach_m, subgoal_m is None)
 
     def shares(self, changed: int, gone: Counter[str]) -> list[tuple[str, float, int]]:
@@ -128,10 +133,10 @@ class Report:
         if last.stays:
             return math.dist(last.at_m, now_m) <= self._cell_m + 0.5 * last.reach_m
         beside_m = math.sqrt(2.0) * self._cell_m
-        way_m = np.vstack((last.at_m, last.way_m))
-        near_m = np.hypot(*(way_m - np.array(now_m)).T).min()
-        towards = _progress(way_m, last.at_m, now_m)
-        return bool(near_m <= beside_m or _from_segments(way_m, now_m) <= beside_m) and towards > 0
+        return any(
+            _from_segments(way_m, now_m) <= beside_m and _progress(way_m, now_m) > 0.0
+            for way_m in (last.way_m, last.way_m[[0, -1]])
+        )
 
 
 def _turned_rad(last: Pending, me: Neighbour) -> float:
@@ -142,17 +147,17 @@ def _turned_rad(last: Pending, me: Neighbour) -> float:
     return before - abs(math.remainder(bearing_rad - me.yaw_rad, math.tau))
 
 
-def _from_segments(way_m: np.ndarray, point_m: tuple[float, float]) -> float:
+def _from_segments(way_m: Polyline, point_m: tuple[float, float]) -> float:
     starts, steps = way_m[:-1], np.diff(way_m, axis=0)
     squares = np.maximum((steps**2).sum(axis=1), 1e-12)
     shares = np.clip(((np.array(point_m) - starts) * steps).sum(axis=1) / squares, 0.0, 1.0)
     return float(np.hypot(*(starts + shares[:, None] * steps - np.array(point_m)).T).min())
 
 
-def _progress(way_m: np.ndarray, was_m: tuple[float, float], now_m: tuple[float, float]) -> float:
+def _progress(way_m: Polyline, now_m: tuple[float, float]) -> float:
     """Return how far [m] an artefact has got towards one of the next points of its way."""
     ahead_m = way_m[1:6]
-    before = np.hypot(*(ahead_m - np.array(was_m)).T)
+    before = np.hypot(*(ahead_m - way_m[0]).T)
     after = np.hypot(*(ahead_m - np.array(now_m)).T)
     return float((before - after).max()) if len(ahead_m) else 0.0
 
