@@ -70,7 +70,8 @@ class MotionCommand(NamedTuple):
     """Move to `subgoal_m` (x, y in the map frame), or brake and stand where it is None.
 
     `speed_mps` is the speed wanted; the type's own limit holds, too. With `stop_there` the subgoal
-    is the end of the way, else it is passed. `face_rad` is the heading wanted when standing there
+    is the end of the way, else it is passed, and the way goes on to `beyond_m`, where it is given,
+    to stop there. `face_rad` is the heading wanted when standing there
     (None: any), of those that turn on the spot. The comfort distances are kept from others, the
     robot and the walls where possible. `planner`: a name of `PLANNERS`, or `module:Class`.
     """
@@ -83,6 +84,7 @@ class MotionCommand(NamedTuple):
     robot_comfort_m: float = 0.5
     wall_comfort_m: float = 0.1
     planner: str = PLANNERS[0]
+    beyond_m: tuple[float, float] | None = None
 
 
 STAND = MotionCommand(None, 0.0)

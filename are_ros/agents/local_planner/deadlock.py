@@ -216,7 +216,7 @@ def write_commands(
     given: npt.NDArray[np.float64],
     now: int,
 ) -> None:
-    """Write commands into the records of some rows (M,); `given` (M, 10) as `command_record`.
+    """Write commands into the records of some rows (M,); `given` (M, 12) as `command_record`.
 
     An agent with a new sub-goal or speed plans at once, and forgets what obstructed the old way;
     so does one with another planner, which is pushed no more and ends its detour.
@@ -244,6 +244,7 @@ def write_commands(
         before.speed, before.stops = given[k, 3], np.int64(given[k, 4])
         before.face, before.comfort = given[k, 5], given[k, 6]
         before.robot_comfort, before.wall_comfort = given[k, 7], given[k, 8]
+        before.beyond_x, before.beyond_y = given[k, 10], given[k, 11]
         planner = np.int64(given[k, 9])
         if planner != before.planner:
             before.planner, due[i] = planner, now

@@ -76,7 +76,7 @@ class LocalPlanner:
             arrays.memory,
             arrays.due,
             which,
-            records.reshape(-1, 10),
+            records.reshape(-1, len(_state.STAND_ROW)),
             self._table.now,
         )
 

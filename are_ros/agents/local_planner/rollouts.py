@@ -278,7 +278,8 @@ class PlanningGoal(NamedTuple):
 def kind_of(agents: AgentArrays, i: int, pose: Floats, now: int, second: int) -> int:
     """Return the kind of goal that agent i has at sub-step `now`, standing or moving at `pose`.
 
-    An agent that has passed its sub-goal goes on for a second; then it comes back to stand there.
+    An agent that has passed its sub-goal goes on to the point beyond it. Without one it goes on for
+    a second; then it comes back to stand there.
     """
     command, memory, body = agents.command[i], agents.memory[i], agents.body[i]
     if now < memory.pushed_until and _missing_room(pose, memory) != 0.0:
@@ -296,7 +297,11 @@ def kind_of(agents: AgentArrays, i: int, pose: Floats, now: int, second: int) ->
         is_passed = is_near and (way < _PASSED or ahead < 0.0)
         # an artefact that turns on the spot passes no sub-goal while it stands
         if memory.passed_at == NEVER and is_passed and (is_vehicle or pose[SPEED] != 0.0):
-            memory.passed_at = now
+            if np.isnan(command.beyond_x):
+                memory.passed_at = now
+            else:
+                command.x, command.y, command.stops = command.beyond_x, command.beyond_y, 1
+                command.beyond_x, agents.due[i] = np.nan, now
         if memory.passed_at != NEVER:
             return COASTING
     elif abs(pose[SPEED]) < _STANDS and (way <= _ARRIVED or is_abeam):

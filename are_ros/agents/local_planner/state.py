@@ -75,6 +75,8 @@ COMMAND = np.dtype(
         ("robot_comfort", "f8"),
         ("wall_comfort", "f8"),
         ("planner", "i8"),
+        ("beyond_x", "f8"),  # where the way goes on once the sub-goal is passed; nan: not known
+        ("beyond_y", "f8"),
     ]
 )
 MEMORY = np.dtype(
@@ -264,6 +266,7 @@ def command_record(command: MotionCommand) -> tuple[float, ...]:
         math.nan if command.face_rad is None else command.face_rad,
         *(distances if planner != WISHES else (0.0, 0.0, 0.0)),
         planner,
+        *(command.beyond_m or (math.nan, math.nan)),
     )
 
 

@@ -273,11 +273,14 @@ class Navigation:
             is_there, is_lost = kind is Prospects.ARRIVED, kind is Prospects.NO_WAY
             return NavigationResult(_command(request, None), arrived=is_there, no_way=is_lost)
         pose, way_m = request.me.pose, np.empty((_MOST_POINTS, 2))
-        count, x_m, y_m, stops = way_along(*prospect.active.arrays, pose, (pace, move), way_m)
+        arrays, action = prospect.active.arrays, (pace, move)
+        count, subgoal_m, stops, beyond_m = way_along(*arrays, pose, action, way_m)
         way_m = way_m[:count]
         if move == 0 or count == 0:
             return NavigationResult(_command(request, None), waits=move == 0, way_m=way_m)
-        command = _command(request, (x_m, y_m), speed_mps, stop_there=stops)
+        command = _command(request, subgoal_m, speed_mps, stop_there=stops)
+        if not math.isnan(beyond_m[0]):
+            command = command._replace(beyond_m=beyond_m)
         return NavigationResult(command, way_m=way_m)
 
     def slipped(

@@ -1,5 +1,6 @@
 """What the actions of an agent are worth among the others, and the way of one, compiled."""
 
+import math
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -35,6 +36,8 @@ STRAIGHT_M: Final = 3.0
 """A visible goal no farther away than this is approached straight, without the values."""
 
 NO_WAY, STRAIGHT, CHOOSES, UNKNOWN = range(4)
+
+_NOWHERE_M: Final = (math.nan, math.nan)
 
 
 class GoalSpec(NamedTuple):
@@ -179,28 +182,29 @@ def way_along(
     pose: tuple[float, float, float],
     action: tuple[int, int],
     way_m: Floats,
-) -> tuple[int, float, float, bool]:
+) -> tuple[int, tuple[float, float], bool, tuple[float, float]]:
     """Fill in the way (K, 2) that an action leads along, and then the cheapest way.
 
     `pose` is x, y and yaw; `action` a pace and a move, not staying in the goal's cell. Returns how
     many points the way has, the farthest of them that a disc can roll straight to, and whether one
     stops there: at the end, and where the way turns back from the move. What comes after that does
-    not count.
+    not count. The last point is the farthest that the disc can roll to from there; nan if one stops
+    there, or does not get there before the next decision.
     """
     floor, values, going = Ground(*ground), ValueArrays(*value_arrays), GoalSpec(*ends)
     state, here_m = _state_of(floor, values, pose), (pose[0], pose[1])
-    radius_m, field, lattice = going.radius_m, floor.clearance_m, floor.lattice
+    radius_m, lattice = going.radius_m, floor.lattice
     if (
         action[1] > 0
         and _is_ahead(floor, state, values, action[1], going.end_m)
-        and rolls(field, lattice, here_m, going.end_m, radius_m)
+        and rolls(floor.clearance_m, lattice, here_m, going.end_m, radius_m)
     ):
         way_m[0, 0], way_m[0, 1] = going.end_m
-        return 1, going.end_m[0], going.end_m[1], True
+        return 1, going.end_m, True, _NOWHERE_M
     anchors_m = floor.anchors_m
     count = follow(values, anchors_m, state, action, way_m)
     if count == 0:
-        return 0, here_m[0], here_m[1], False
+        return 0, here_m, False, _NOWHERE_M
     end_m = anchors_m[values.corner[0] + values.goal[0], values.corner[1] + values.goal[1]]
     if way_m[count - 1, 0] == end_m[0] and way_m[count - 1, 1] == end_m[1]:
         way_m[count - 1, 0], way_m[count - 1, 1] = going.end_m
@@ -211,15 +215,36 @@ def way_along(
             floor, state, values, action[1], (way_m[ahead, 0], way_m[ahead, 1])
         ):
             ahead += 1
-    aim = farthest(field, lattice, here_m, way_m[:ahead], radius_m)
-    first_m = (way_m[0, 0], way_m[0, 1])
+    first_m, rest_m = (way_m[0, 0], way_m[0, 1]), way_m[:ahead]
     is_reached = np.hypot(first_m[0] - pose[0], first_m[1] - pose[1]) < THERE_M and ahead > 1
-    if aim == 0 and (is_reached or not rolls(field, lattice, here_m, first_m, radius_m)):
-        x_m, y_m, _ = way_round(floor, here_m, way_m[:ahead], radius_m)
-        return count, x_m, y_m, x_m == going.end_m[0] and y_m == going.end_m[1]
-    is_end = way_m[aim, 0] == going.end_m[0] and way_m[aim, 1] == going.end_m[1]
-    turns_back = ahead < count and aim == ahead - 1
-    return count, way_m[aim, 0], way_m[aim, 1], is_end or turns_back
+    point_m, seen = _first_corner(floor, here_m, rest_m, is_reached, radius_m)
+    is_end = point_m[0] == going.end_m[0] and point_m[1] == going.end_m[1]
+    stops = is_end or (ahead < count and seen == ahead)
+    beyond_m, reach = _NOWHERE_M, (values.paces[action[0], 0] + 1.0) * floor.side * lattice[4]
+    is_near = np.hypot(point_m[0] - pose[0], point_m[1] - pose[1]) < reach
+    if is_near and not stops and seen < ahead:
+        beyond_m, _ = _first_corner(floor, point_m, rest_m[seen:], False, radius_m)
+    return count, point_m, stops, beyond_m
+
+
+@compiled
+def _first_corner(
+    ground: Ground, from_m: tuple[float, float], way_m: Floats, is_reached: bool, radius_m: float
+) -> tuple[tuple[float, float], int]:
+    """Return the farthest point of a way that a disc can roll straight to, or one on the way there.
+
+    Then how many points of the way lie up to it. The first one does not count if it `is_reached`.
+    """
+    seen = farthest(ground.clearance_m, ground.lattice, from_m, way_m, radius_m)
+    if seen == 0 and (
+        is_reached
+        or not rolls(
+            ground.clearance_m, ground.lattice, from_m, (way_m[0, 0], way_m[0, 1]), radius_m
+        )
+    ):
+        x_m, y_m, _ = way_round(ground, from_m, way_m, radius_m)
+        return (x_m, y_m), 0
+    return (way_m[seen, 0], way_m[seen, 1]), seen + 1
 
 
 @compiled
