@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from are_ros.agents.local_planner.body import Body, MotionCommand
+from are_ros.agents.local_planner.body import PLANNERS, Body, MotionCommand
 from are_ros.agents.local_planner.planner import Obstruction
 from are_ros.agents.local_planner.robot import RobotMotion
 from are_ros.agents.navigation.terrain import Terrain
@@ -56,6 +56,28 @@ def test_a_sub_goal_on_the_way_is_passed_at_full_speed() -> None:
         street.step()
         speeds.append(float(street.speeds[0]))
     assert min(speeds) > 1.2
+
+
+@pytest.mark.parametrize("planner", PLANNERS)
+def test_one_that_passes_a_corner_goes_on_along_its_way(planner: str) -> None:
+    """It leaves the line to its sub-goal there and stands at the point beyond; else it runs past.
+
+    Before it has passed its sub-goal, the point beyond changes nothing.
+    """
+    tracks = []
+    for beyond_m in (None, (6.0, 1.5)):
+        street = Street(environment(room(16.0, 8.0)))
+        street.add(1, 3.0, 5.0, 0.0)
+        street.command(1, MotionCommand((6.0, 5.0), 1.3, False, planner=planner, beyond_m=beyond_m))
+        street.run(10.0)
+        tracks.append(np.array(street.track)[:, 0, :2])
+    straight, bent = tracks
+    is_before = bent[:, 0] < 5.6
+    assert np.array_equal(bent[is_before], straight[is_before])
+    assert straight[:, 0].max() > 6.6
+    assert bent[:, 0].max() < 6.2
+    assert math.dist(bent[-1], (6.0, 1.5)) < 0.12
+    assert np.hypot(*(bent[-1] - bent[-2])) == 0.0
 
 
 def test_one_that_has_passed_its_sub_goal_comes_back_to_it() -> None:

@@ -181,6 +181,32 @@ def test_a_way_leads_through_the_door() -> None:
     assert not found.no_way
 
 
+def test_beyond_a_sub_goal_that_is_soon_reached_the_way_goes_on() -> None:
+    """To a point seen from there, as far as the way can be seen; nowhere from one far off.
+
+    From a hundred poses before the door. An epoch is a second, so 1.2 m lead two cells far.
+    """
+    goal_m, random, ways = (8.5, 9.0), np.random.default_rng(4), navigation()
+    near = compared = 0
+    for x_m, y_m in random.uniform((0.5, 3.0), (5.0, 7.0), (100, 2)).tolist():
+        found = result(goal_m, (x_m, y_m, random.uniform(-3.0, 3.0)), ways=ways)
+        at, beyond_m = found.command.subgoal_m, found.command.beyond_m
+        if at is None or found.command.stop_there or math.dist(at, (x_m, y_m)) > 1.5:
+            assert beyond_m is None
+            continue
+        near += 1
+        assert beyond_m is not None
+        assert ways.sees(profile(), at, beyond_m)
+        points = [(x, y) for x, y in found.way_m.tolist()]
+        if at in points and beyond_m in points:
+            compared += 1
+            onward = points[points.index(beyond_m) + 1 :]
+            assert points.index(beyond_m) > points.index(at)
+            assert not onward or not ways.sees(profile(), at, onward[0])
+    assert near >= 15
+    assert compared >= 10
+
+
 def test_following_the_legs_reaches_the_goal() -> None:
     """One that goes a metre towards each sub-goal is there within the length of the way."""
     ways, goal_m = navigation(), (8.5, 9.0)
