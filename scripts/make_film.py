@@ -153,6 +153,7 @@ def write_page_picture(page: Path, picture: Path) -> None:
 
 def make(out: Path) -> bool:
     """Replay, and write the pictures into a folder; tell whether all scenes are there."""
+    out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         run, files = Path(folder), ["--params", str(PARAMETERS), "--out", folder]
         command = [sys.executable, "-m", "are_ros", "replay", str(BAG), *files]
