@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.agents.behaviours.calls import BehaviourCall, Failed, intent_of
-from are_ros.agents.behaviours.leaving import Leaving, WalkingOut
+from are_ros.agents.behaviours.leaving import Hides, Leaving, WalkingOut, choose_exits, early_s
 from are_ros.agents.behaviours.repertoire import Repertoire
 from are_ros.agents.behaviours.situation import (
     Behaviour,
@@ -73,15 +73,9 @@ SPOT_M, MANOEUVRING_S, STUCK_S = 0.3, 3.0, 8.0
 counts as blocked after `STUCK_S`: a car that shunts in clutter moves, and makes no progress. So
 does one whose value of the goal has not grown for that time: it paces to and fro."""
 
-EARLY_S: Final = 3.0
-"""Artefacts that have to be at an exit at the end of their lives mean to be there by so much."""
-
 _MOVES: Final = 5
 _NO_LOSS, _NEAR_EXIT_S = 0.1, 2.0
 """Less than this share of the price of time is no loss; one sets out at least so early [s]."""
-
-_DETOUR: Final = 1.5
-"""The way to an exit is taken to be longer than the straight line by this factor."""
 
 _GAIN: Final = 1e-6
 """A value that has grown by less than this has not grown."""
@@ -192,7 +186,7 @@ class DecisionLayer:
         """Called for each decision, if there is somebody to be told."""
         self.by_exit = False
         """Whether artefacts that arrive from now on are at an exit at the end of their lives."""
-        self.hides: Callable[[_Floats], _Mask] = _all_hidden
+        self.hides: Hides = _all_hidden
         """Tells which points (N, 2), map frame [m], no camera sees: bool (N,)."""
 
     def reseed(self, seed: int) -> None:
@@ -323,6 +317,8 @@ class DecisionLayer:
         in force, or are those of a much better one. So at first only their bounds are looked at.
         """
         repertoire, settings = state.repertoire, self._settings
+        if repertoire.way_out is not None and repertoire.way_out.is_time:
+            return repertoire.names.index(WalkingOut.name)
         prior = prior_of(repertoire.shares, repertoire.in_force, self._stays)
         period_s, temperature = settings.decision_period, settings.temperature
         ranges = repertoire.reward_bounds(situation)
@@ -370,12 +366,12 @@ class DecisionLayer:
             row: way_out
             for row, state in several.items()
             if (way_out := state.repertoire.way_out) is not None
-            and _early_s(situations[row]) <= self._settings.max_horizon
+            and early_s(situations[row]) <= self._settings.max_horizon
         }
-        self._choose_exits([(way_out, situations[row]) for row, way_out in soon.items()])
+        choose_exits([(way_out, situations[row]) for row, way_out in soon.items()], self.hides)
         requests = [
             _request(several[row], situations[row], way_out.intent(situations[row]))._replace(
-                left_s=_early_s(situations[row])
+                left_s=early_s(situations[row])
             )
             for row, way_out in soon.items()
             if way_out.exit_m is not None and not way_out.is_time
@@ -393,35 +389,6 @@ class DecisionLayer:
             loss = prospect.value - prospect.rest - float(prospect.values[0, STAY]) - price
             return loss > _NO_LOSS * price
         return (request.left_s or 0.0) <= self._settings.decision_period + _NEAR_EXIT_S
-
-    def _choose_exits(self, leaving: Sequence[tuple[WalkingOut, Situation]]) -> None:
-        """Choose the exits of agents, given their situations, where the last one is in view.
-
-        The exit is the nearest one that no camera sees, if there is time to get there; else the
-        place where the agent is, if no camera sees that; else the nearest exit or destination that
-        no camera sees.
-        """
-        known = [way_out for way_out, _ in leaving if way_out.exit_m is not None]
-        is_hidden = dict(zip(known, self._are_hidden([one.exit_m for one in known]), strict=True))
-        lost = [(one, situation) for one, situation in leaving if not is_hidden.get(one, False)]
-        are_here = self._are_hidden([situation.point_m for _, situation in lost])
-        places_m = dict[Destinations, tuple[list[Point], list[Point]]]()
-        for (way_out, situation), is_here in zip(lost, are_here, strict=True):
-            places = situation.places
-            if places not in places_m:
-                places_m[places] = self._hidden(places.exits_m), self._hidden(places.destinations_m)
-            way_out.exit_m = _way_out_of(situation, *places_m[places], is_hidden=is_here)
-
-    def _hidden(self, points_m: _Floats) -> list[Point]:
-        """Return those of the points (N, 2) that no camera sees."""
-        return [(x_m, y_m) for x_m, y_m in points_m[self.hides(points_m)].tolist()]
-
-    def _are_hidden(self, points_m: Sequence[Point | None]) -> list[bool]:
-        """Return whether no camera sees each of the points."""
-        if not points_m:
-            return []
-        hidden: list[bool] = self.hides(np.array(points_m, np.float64)).tolist()
-        return hidden
 
     def _change(self, row: int, state: AgentState, chosen: int, now_ns: int) -> None:
         """Put another behaviour of an agent's repertoire in force."""
@@ -549,30 +516,6 @@ class DecisionLayer:
         if self.report_fault is None:
             raise fault
         self.report_fault(fault)
-
-
-def _early_s(situation: Situation) -> float:
-    """Return how long it is until an agent means to be at an exit [s]; inf if not known."""
-    return math.inf if situation.left_s is None else situation.left_s - EARLY_S
-
-
-def _way_out_of(
-    situation: Situation,
-    exits_m: Sequence[Point],
-    destinations_m: Sequence[Point],
-    *,
-    is_hidden: bool,
-) -> Point | None:
-    """Return where an agent is at the end of its life, given the places that no camera sees."""
-    away_m = situation.distance_m
-    motion, left_s = situation.row.motion, _early_s(situation)
-    reach_m = left_s * motion.speed_mps * motion.running_factor / _DETOUR
-    exit_m = min(exits_m, key=away_m, default=None)
-    if exit_m is not None and away_m(exit_m) <= reach_m:
-        return exit_m
-    if is_hidden:
-        return situation.point_m
-    return min([*exits_m, *destinations_m], key=away_m, default=None)
 
 
 def _drawn_planner(artefact: Artefact, random: np.random.Generator) -> str:

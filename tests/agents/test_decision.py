@@ -433,36 +433,91 @@ def test_who_paces_to_and_fro_counts_as_blocked(gains: bool) -> None:
 # --- where one is at the end of its life
 
 
+PLACES_M = {
+    "here": (5.0, 0.0),
+    "beside": (6.0, 0.0),
+    "exit": (0.0, 0.0),
+    "west": (0.5, 0.0),
+    "east": (30.0, 0.0),
+}
+
+
+def _town_of_one_who_leaves(left_s: float) -> Town:
+    """Return a town in which artefact 1, at "here", has to be at an exit after this time."""
+    town = Town()
+    town.x_m = PLACES_M["here"][0]
+    destinations_m = np.array([PLACES_M["west"], PLACES_M["east"]])
+    town.ways.places = Destinations(destinations_m, np.array([PLACES_M["exit"]]))
+    town.layer.by_exit = True
+    one = town.admit(1, 0, "walking", PERSON, may_change=True)
+    one.departure_ns = int(left_s * NS_PER_S)
+    return town
+
+
+def _watched(town: Town, seen: Sequence[str]) -> None:
+    """Let cameras see some of the places."""
+    seen_m = np.array([PLACES_M[name] for name in seen]).reshape(-1, 1, 2)
+    town.layer.hides = lambda points_m: ~(points_m == seen_m).all(axis=2).any(axis=0)
+
+
+def _exit_of_one(town: Town) -> tuple[float, float] | None:
+    way_out = town.state(1).repertoire.way_out
+    assert way_out is not None
+    return way_out.exit_m
+
+
 @pytest.mark.parametrize(
-    ("x_m", "left_s", "seen", "place"),
+    ("left_s", "seen", "has_walls", "place"),
     [
-        (5.0, 30.0, (), "exit"),  # a long time, and nothing is seen
-        (5.0, 30.0, ("exit",), "here"),  # no exit, and nobody sees it
-        (5.0, 6.0, (), "here"),  # too late for any exit
-        (5.0, 6.0, ("here",), "west"),  # seen where it is: to what is nearest, if late
-        (5.0, 6.0, ("here", "west"), "exit"),
-        (5.0, 6.0, ("here", "exit", "west"), "east"),
-        (5.0, 6.0, ("here", "exit", "west", "east"), None),
+        (30.0, (), False, "exit"),  # a long time, and nothing is seen
+        (30.0, ("exit",), False, "here"),  # no exit, and nobody sees it
+        (6.0, (), False, "here"),  # too late for any exit
+        (6.0, ("here",), False, "beside"),  # seen where it is: a step aside
+        (6.0, ("here",), True, "west"),  # no straight way to anywhere: to what is nearest, if late
+        (6.0, ("here", "west"), True, "exit"),
+        (6.0, ("here", "exit", "west"), True, "east"),
+        (6.0, ("here", "exit", "west", "east"), True, None),
     ],
 )
 def test_one_ends_its_life_at_an_exit_in_time_or_where_nobody_sees_it(
-    x_m: float, left_s: float, seen: tuple[str, ...], place: str | None
+    left_s: float,
+    seen: tuple[str, ...],
+    has_walls: bool,
+    place: str | None,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Whatever the cameras see."""
-    town = Town()
-    places_m = {"here": (x_m, 0.0), "exit": (0.0, 0.0), "west": (0.5, 0.0), "east": (30.0, 0.0)}
-    destinations_m = np.array([places_m["west"], places_m["east"]])
-    town.ways.places = Destinations(destinations_m, np.array([places_m["exit"]]))
-    town.layer.by_exit = True
-    seen_m = [places_m[name] for name in seen]
-    town.layer.hides = lambda points_m: np.array([tuple(p) not in seen_m for p in points_m])
-    town.x_m = x_m
-    one = town.admit(1, 0, "walking", PERSON, may_change=True)
-    one.departure_ns = int(left_s * NS_PER_S)
+    if has_walls:
+        monkeypatch.setattr(Ways, "sees", lambda *_: False)
+    town = _town_of_one_who_leaves(left_s)
+    _watched(town, seen)
     town.decide(0)
-    way_out = town.state(1).repertoire.way_out
-    assert way_out is not None
-    assert way_out.exit_m == (None if place is None else places_m[place])
+    assert _exit_of_one(town) == (None if place is None else PLACES_M[place])
+
+
+def test_one_who_is_late_stays_where_nobody_sees_it_on_its_way() -> None:
+    """It gave up the exit that it cannot reach in time any more; while it can, it goes on."""
+    town = _town_of_one_who_leaves(30.0)
+    _watched(town, ())
+    for second, place in ((0, "exit"), (10, "exit"), (24, "here")):
+        town.decide(20 * second)
+        assert _exit_of_one(town) == PLACES_M[place]
+
+
+def test_who_walks_out_is_not_tempted_back() -> None:
+    """By a destination that it could still reach: that would be worth much at the end of a life."""
+    town = _town_of_one_who_leaves(30.0)
+    town.ways.values = np.array([[0.0, 9.0, 0.0, 0.0, 0.0]] * 2)
+    one = town.table.artefacts[0]
+    seen = list[str]()
+    for second in range(29):
+        way_out = town.state(1).repertoire.way_out
+        assert way_out is not None
+        way_out.is_time = second >= 10
+        town.decide(20 * second)
+        seen.append(one.behaviour)
+    assert "leaving" not in seen[:10]
+    assert set(seen[10:]) == {"leaving"}
 
 
 # ------------------------------------------------------------------- planners

@@ -1,16 +1,32 @@
 """The behaviour leaving: an artefact walks to an exit, at or after the end of its life."""
 
 import math
-from typing import ClassVar
+from collections.abc import Callable, Sequence
+from typing import ClassVar, Final
 
 import numpy as np
+import numpy.typing as npt
 
-from are_ros.agents.behaviours.situation import WORTH, Intent, Point, Situation, stand
+from are_ros.agents.behaviours.situation import Intent, Point, Situation, stand
 from are_ros.agents.behaviours.walking import arrival_m
+from are_ros.agents.navigation.destinations import Destinations
 from are_ros.conventions import NS_PER_S
 
+EARLY_S: Final = 5.0
+"""Artefacts that have to be at an exit at the end of their lives mean to be there by so much."""
+
+Hides = Callable[[npt.NDArray[np.float64]], npt.NDArray[np.bool_]]
+"""Tells at which points (N, 2) [m], map frame, no camera would see a person: bool (N,)."""
+
 _BLOCKED_S = 12.0
-_MUCH = 20.0 * WORTH
+
+_DETOUR: Final = 1.5
+"""The way to an exit is taken to be longer than the straight line by this factor."""
+
+_BEARINGS_RAD: Final = np.arange(16) * (math.tau / 16.0)
+_RING: Final = np.stack([np.cos(_BEARINGS_RAD), np.sin(_BEARINGS_RAD)], axis=1)
+_RINGS_M: Final = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0)
+"""Where one whose time is short looks for a place out of sight: on rings around it."""
 
 
 class Leaving:
@@ -67,7 +83,7 @@ class WalkingOut:
     """Walks to an exit out of the robot's sight, and waits there for the end of its life.
 
     `exit_m` is that exit, None while none is needed. It `is_time` when an epoch spent otherwise
-    would make the artefact late; then the behaviour takes the place of others, for good.
+    would make the artefact late; then no other behaviour is drawn any more.
     """
 
     name: ClassVar[str] = Leaving.name
@@ -75,10 +91,6 @@ class WalkingOut:
     def __init__(self) -> None:
         self.exit_m: Point | None = None
         self.is_time = False
-
-    def reward(self, situation: Situation) -> float:  # noqa: ARG002 - `is_time` says it
-        """Return what walking out is worth: much when it is time, else much less than nothing."""
-        return _MUCH if self.is_time else -_MUCH
 
     def decide(self, situation: Situation) -> Intent:
         """Return the intent to walk to the exit, or to wait there."""
@@ -92,6 +104,63 @@ class WalkingOut:
         """Return the intent to walk to the exit."""
         motion, within_m = situation.row.motion, arrival_m(situation)
         return Intent(self.exit_m, motion.speed_mps, within_m, activity=self.name)
+
+
+def early_s(situation: Situation) -> float:
+    """Return how long it is until an artefact means to be at an exit [s]; inf if not known."""
+    return math.inf if situation.left_s is None else situation.left_s - EARLY_S
+
+
+def choose_exits(leaving: Sequence[tuple[WalkingOut, Situation]], hides: Hides) -> None:
+    """Choose exits of artefacts, given their situations, if the last is in view or too far away.
+
+    The exit is the nearest one that no camera sees, if there is time to get there. Else it is where
+    no camera sees the artefact: where it stands, or the nearest point to which it has a straight
+    way, or the last one, or the nearest exit or destination.
+    """
+    known = [way_out for way_out, _ in leaving if way_out.exit_m is not None]
+    lasts_m = np.array([way_out.exit_m for way_out in known]).reshape(-1, 2)
+    for way_out, is_hidden in zip(known, hides(lasts_m), strict=True):
+        if not is_hidden:
+            way_out.exit_m = None
+    hidden_m = dict[Destinations, tuple[list[Point], list[Point]]]()
+    for way_out, situation in leaving:
+        away_m, reach_m = situation.distance_m, _reach_m(situation)
+        if way_out.exit_m is not None and away_m(way_out.exit_m) <= reach_m:
+            continue
+        places = situation.places
+        if places not in hidden_m:
+            hidden_m[places] = (
+                _hidden(places.exits_m, hides),
+                _hidden(places.destinations_m, hides),
+            )
+        exits_m, destinations_m = hidden_m[places]
+        near_m = min(exits_m, key=away_m, default=None)
+        if near_m is None or away_m(near_m) > reach_m:
+            near_m = _refuge_m(situation, hides) or way_out.exit_m
+        way_out.exit_m = near_m or min([*exits_m, *destinations_m], key=away_m, default=None)
+
+
+def _reach_m(situation: Situation) -> float:
+    """Return how far one gets until it means to be at an exit [m]; inf if that is not known."""
+    motion = situation.row.motion
+    return early_s(situation) * motion.speed_mps * motion.running_factor / _DETOUR
+
+
+def _refuge_m(situation: Situation, hides: Hides) -> Point | None:
+    """Return the nearest point with a straight way to it that no camera sees, None without any."""
+    if hides(np.array([situation.point_m]))[0]:
+        return situation.point_m
+    for radius_m in _RINGS_M:
+        ring_m = _points((radius_m * _RING + situation.point_m).tolist())
+        seen_m = [point for point in ring_m if situation.sees(*point)]
+        if hidden_m := _hidden(np.array(seen_m).reshape(-1, 2), hides):
+            return hidden_m[0]
+    return None
+
+
+def _hidden(points_m: npt.NDArray[np.float64], hides: Hides) -> list[Point]:
+    return _points(points_m[hides(points_m)].tolist())
 
 
 def _is_at_exit(situation: Situation) -> bool:

@@ -22,10 +22,6 @@ _WALKS_AND_STOPS: Final = {Stopping.name: 1.0 / 3.0, Walking.name: 2.0 / 3.0}
 """For an artefact that has no other behaviour than stopping."""
 
 
-_OUT: Final = 0.02
-"""The share of walking out among behaviours, whose shares sum to 1."""
-
-
 class Repertoire:
     """B behaviours, the one in force, and the shares (B,) by which they are drawn, summing to 1."""
 
@@ -62,7 +58,7 @@ class Repertoire:
             given = artefact.row.behaviours
             shares = {artefact.behaviour: 0.0, **{k: w for k, w in given.items() if w > 0.0}}
         if set(shares) == {Stopping.name}:
-            shares = _WALKS_AND_STOPS
+            shares = dict(_WALKS_AND_STOPS)
         journey = Journey()
         behaviours = {
             name: _TRAVELLING[name](journey=journey)
@@ -72,7 +68,7 @@ class Repertoire:
         }
         if by_exit:
             behaviours[WalkingOut.name] = WalkingOut()
-            shares = {**shares, WalkingOut.name: _OUT}
+            shares.setdefault(WalkingOut.name, 0.0)
         total = sum(shares.values())
         return cls(behaviours, {name: share / total for name, share in shares.items()})
 
