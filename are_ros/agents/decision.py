@@ -386,8 +386,7 @@ class DecisionLayer:
         """Return whether an agent has to set out for its exit now."""
         if prospect.kind is Prospects.CHOOSES:
             price = request.state.profile.row.rewards.time
-            loss = prospect.value - prospect.rest - float(prospect.values[0, STAY]) - price
-            return loss > _NO_LOSS * price
+            return prospect.value - prospect.later > _NO_LOSS * price
         return (request.left_s or 0.0) <= self._settings.decision_period + _NEAR_EXIT_S
 
     def _change(self, row: int, state: AgentState, chosen: int, now_ns: int) -> None:

@@ -72,8 +72,10 @@ def action_values(
     others: Doubles,
     state: tuple[int, int, int],
     result: Doubles,
-) -> None:
-    """Fill in what staying and the four directions bring at each pace: (P, 5).
+) -> float:
+    """Fill in what staying and the four directions bring at each pace, (P, 5).
+
+    Returns the value of the state with an epoch less.
 
     `anchors_m` (H, W, 2) of the whole coarse map. `others` (K, M, 5) is x, y, radius, fade and
     weight of each moving neighbour in each of K epochs, K at most `epochs_left`. They cost their
@@ -107,6 +109,7 @@ def action_values(
         for direction in range(4):
             turn = values.turns[(direction - heading) % 4]
             result[pace, 1 + direction] = moves.slipping[pace, direction] - turn
+    return float(moves.after[heading])
 
 
 @borrowing

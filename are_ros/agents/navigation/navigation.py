@@ -107,13 +107,14 @@ class Prospect(NamedTuple):
 
     `values` float64 (P, 5) are Q of each pace and move: stay, east, north, west, south of the grid,
     among the others. An agent that stays on its way gives way and does not rest; with a rest,
-    staying is worth `rest` more. `value` is V of the state without the others, `heading` its
-    heading, 0 east to 3 south. All are there if it `CHOOSES`.
+    staying is worth `rest` more. `value` is V of the state, `later` with an epoch less, both
+    without the others; `heading` is its heading, 0 east to 3 south. All are there if it `CHOOSES`.
     """
 
     kind: Prospects
     values: npt.NDArray[np.float64] = _NO_VALUES
     value: float = 0.0
+    later: float = 0.0
     heading: int = 0
     rest: float = 0.0
     active: ActiveGoal | None = None
@@ -255,8 +256,9 @@ class Navigation:
             table = swept(active.table, max(0, epochs - AHEAD))
             active = request.state.active[key] = active.with_table(table)
             known = prospect_of(crowd, around, agent, is_moving_goal, values, *active.arrays)
-        what, heading, value = known
-        return Prospect(_KINDS[what], values, value, heading, active.table.model.rest, active)
+        what, heading, value, later = known
+        rest = active.table.model.rest
+        return Prospect(_KINDS[what], values, value, later, heading, rest, active)
 
     def result(
         self, request: NavigationRequest, prospect: Prospect, pace: int = 0, move: int = 0

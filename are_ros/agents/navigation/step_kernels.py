@@ -91,7 +91,7 @@ def prospect_of(
     ground: GroundArrays,
     value_arrays: ValueTuple,
     ends: GoalSpecArrays,
-) -> tuple[int, int, float]:
+) -> tuple[int, int, float, float]:
     """Fill in what the actions of an agent with a goal are worth, (P, 5): pace, move.
 
     What resting saves does not count for staying. `ground`, `value_arrays` and `ends` are the
@@ -99,7 +99,7 @@ def prospect_of(
     rest of `Crowd`. `agent` is the index in the crowd, whether others cost it anything, and the
     epochs left. A moving goal is approached straight from any distance. Returns what there is (no
     way, straight to the goal, a choice, or that the planes of all epochs are needed), the heading,
-    and the value of the state without the others.
+    and the values of the state now and with an epoch less, both without the others.
     """
     floor, values, going = Ground(*ground), ValueArrays(*value_arrays), GoalSpec(*ends)
     everybody = Crowd(crowd[:8], crowd[8], crowd[9], crowd[10])
@@ -109,24 +109,24 @@ def prospect_of(
     if (is_moving_goal or away_m <= STRAIGHT_M) and rolls(
         floor.clearance_m, floor.lattice, (x_m, y_m), going.goal_m, going.radius_m
     ):
-        return STRAIGHT, 0, 0.0
+        return STRAIGHT, 0, 0.0, 0.0
     state = _state_of(floor, values, (x_m, y_m, everybody.poses[index, 3]))
     if state[0] < 0:
-        return NO_WAY, 0, 0.0
+        return NO_WAY, 0, 0.0, 0.0
     if state[0] == values.goal[0] and state[1] == values.goal[1]:
-        return STRAIGHT, 0, 0.0
+        return STRAIGHT, 0, 0.0, 0.0
     others = find_others(everybody, robot, index, is_patient, going)
     others = others[: min(AHEAD, epochs_left)]
     if not is_settled(values, state[0], state[1], epochs_left, others.shape[0]):
-        return UNKNOWN, 0, 0.0
+        return UNKNOWN, 0, 0.0, 0.0
     nobody = others[:, :0].copy()
-    action_values(values, epochs_left, floor.anchors_m, nobody, state, brings)
+    later = action_values(values, epochs_left, floor.anchors_m, nobody, state, brings)
     value = brings.max()
     if others.shape[1] > 0:
         action_values(values, epochs_left, floor.anchors_m, others, state, brings)
     for pace in range(brings.shape[0]):  # an agent that stays here gives way, and does not rest
         brings[pace, 0] -= values.prices[2]
-    return CHOOSES, state[2], value
+    return CHOOSES, state[2], value, later
 
 
 @borrowing
