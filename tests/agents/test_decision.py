@@ -48,7 +48,7 @@ class Ways(Navigation):
         self.places = Destinations(np.array([[5.0, 5.0], [9.0, 1.0]]), np.array([[0.0, 0.0]]))
         self.is_shut = self.is_crowded = False
         self.values: np.ndarray[tuple[int, ...], np.dtype[np.float64]] | None = None
-        self.value = 0.0
+        self.value = self.later = 0.0
         self.actions: list[tuple[int, int]] = []
         self.patience: list[bool] = []
 
@@ -60,7 +60,9 @@ class Ways(Navigation):
         return [
             Prospect(Prospects.STANDS)
             if request.intent.goal_m is None
-            else Prospect(Prospects.CHOOSES, self.values[: len(request.speeds_mps)], self.value)
+            else Prospect(
+                Prospects.CHOOSES, self.values[: len(request.speeds_mps)], self.value, self.later
+            )
             for request in requests
         ]
 
@@ -502,6 +504,16 @@ def test_one_who_is_late_stays_where_nobody_sees_it_on_its_way() -> None:
     for second, place in ((0, "exit"), (10, "exit"), (24, "here")):
         town.decide(20 * second)
         assert _exit_of_one(town) == PLACES_M[place]
+
+
+@pytest.mark.parametrize(("loss", "goes"), [(0.0, False), (0.1, True)])
+def test_it_is_time_to_walk_out_when_the_value_falls_with_the_time(loss: float, goes: bool) -> None:
+    """Not when it is dear to stay, as it is with somebody beside one."""
+    town = _town_of_one_who_leaves(30.0)
+    town.ways.values = np.array([[-9.0, 0.0, 0.0, 0.0, 0.0]] * 2)
+    town.ways.value, town.ways.later = 1.0, 1.0 - loss
+    town.decide(0)
+    assert (town.table.artefacts[0].behaviour == "leaving") == goes
 
 
 def test_who_walks_out_is_not_tempted_back() -> None:

@@ -354,6 +354,24 @@ def test_the_values_of_any_horizon_are_those_of_all_planes(
     assert found[0].value == found[1].value
 
 
+@pytest.mark.parametrize("left_s", [2.0, 4.0, 7.0, 30.0])
+@pytest.mark.parametrize("has_company", [False, True])
+def test_the_value_with_an_epoch_less_is_that_an_epoch_later(
+    left_s: float, has_company: bool
+) -> None:
+    """Of one that stays there, whoever is beside it."""
+    pose = (10.0, 20.0, 0.3)
+    view = view_of(pose, (10.5, 20.4, 0.0)) if has_company else view_of(pose)
+    found = []
+    for horizon_s in (left_s, left_s - 1.0):
+        intent = Intent((20.0, 21.0), 1.3)
+        request = NavigationRequest(state(SLIPPING), me_in(view), intent, (1.3, 1.95), horizon_s)
+        found += navigation(hall()).prospects([request], view, None)
+    now, later = found
+    assert now.later == pytest.approx(later.value, abs=1e-5)
+    assert (now.value - now.later > 1e-3) == (left_s < 10.0)
+
+
 def test_the_values_of_the_last_three_goals_are_known() -> None:
     """One may ask for several at once; the goal that was new first is forgotten first."""
     ways, one, view = navigation(), state(), view_of((2.0, 5.0, 0.0))
