@@ -1,7 +1,7 @@
 """The behaviour leaving: an artefact walks to an exit, at or after the end of its life."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import ClassVar, Final
 
 import numpy as np
@@ -25,7 +25,7 @@ _DETOUR: Final = 1.5
 
 _BEARINGS_RAD: Final = np.arange(16) * (math.tau / 16.0)
 _RING: Final = np.stack([np.cos(_BEARINGS_RAD), np.sin(_BEARINGS_RAD)], axis=1)
-_RINGS_M: Final = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0)
+_RADII_M: Final = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0)
 """Where one whose time is short looks for a place out of sight: on rings around it."""
 
 
@@ -114,9 +114,10 @@ def early_s(situation: Situation) -> float:
 def choose_exits(leaving: Sequence[tuple[WalkingOut, Situation]], hides: Hides) -> None:
     """Choose exits of artefacts, given their situations, if the last is in view or too far away.
 
-    The exit is the nearest one that no camera sees, if there is time to get there. Else it is where
-    no camera sees the artefact: where it stands, or the nearest point to which it has a straight
-    way, or the last one, or the nearest exit or destination.
+    No camera sees the exit now, and if possible walls are between it and the robot: else the robot
+    sees it as soon as it turns. It is the first of these: an exit, if there is time to get there;
+    where the artefact stands; a point near by to which it has a straight way; the last exit; the
+    nearest exit or destination. If none is behind a wall, it is the first that no camera sees now.
     """
     known = [way_out for way_out, _ in leaving if way_out.exit_m is not None]
     lasts_m = np.array([way_out.exit_m for way_out in known]).reshape(-1, 2)
@@ -125,38 +126,71 @@ def choose_exits(leaving: Sequence[tuple[WalkingOut, Situation]], hides: Hides) 
             way_out.exit_m = None
     hidden_m = dict[Destinations, tuple[list[Point], list[Point]]]()
     for way_out, situation in leaving:
-        away_m, reach_m = situation.distance_m, _reach_m(situation)
-        if way_out.exit_m is not None and away_m(way_out.exit_m) <= reach_m:
+        last_m, places = way_out.exit_m, situation.places
+        if last_m is not None and situation.distance_m(last_m) <= _way_m(situation, EARLY_S):
             continue
-        places = situation.places
         if places not in hidden_m:
             hidden_m[places] = (
                 _hidden(places.exits_m, hides),
                 _hidden(places.destinations_m, hides),
             )
-        exits_m, destinations_m = hidden_m[places]
-        near_m = min(exits_m, key=away_m, default=None)
-        if near_m is None or away_m(near_m) > reach_m:
-            near_m = _refuge_m(situation, hides) or way_out.exit_m
-        way_out.exit_m = near_m or min([*exits_m, *destinations_m], key=away_m, default=None)
+        for behind_wall in (True, False):
+            found_m = _places_out_of_sight(
+                situation, *hidden_m[places], last_m, hides, behind_wall=behind_wall
+            )
+            way_out.exit_m = next(found_m, None)
+            if way_out.exit_m is not None:
+                break
 
 
-def _reach_m(situation: Situation) -> float:
-    """Return how far one gets until it means to be at an exit [m]; inf if that is not known."""
-    motion = situation.row.motion
-    return early_s(situation) * motion.speed_mps * motion.running_factor / _DETOUR
+def _places_out_of_sight(
+    situation: Situation,
+    exits_m: Sequence[Point],
+    destinations_m: Sequence[Point],
+    last_m: Point | None,
+    hides: Hides,
+    *,
+    behind_wall: bool,
+) -> Iterator[Point]:
+    """Yield what `choose_exits` says, given the hidden places of the map.
 
+    Those behind a wall are near enough to get there in the rest of the life.
+    """
 
-def _refuge_m(situation: Situation, hides: Hides) -> Point | None:
-    """Return the nearest point with a straight way to it that no camera sees, None without any."""
-    if hides(np.array([situation.point_m]))[0]:
-        return situation.point_m
-    for radius_m in _RINGS_M:
+    def suits(point_m: Point) -> bool:
+        return not behind_wall or _is_behind_wall(situation, point_m)
+
+    away_m, reach_m = situation.distance_m, _way_m(situation, EARLY_S)
+    for point in sorted(exits_m, key=away_m):
+        if away_m(point) <= reach_m and suits(point):
+            yield point
+    if suits(situation.point_m):
+        yield from _hidden(np.array([situation.point_m]), hides)
+    for radius_m in _RADII_M:
+        if behind_wall and radius_m > _way_m(situation):
+            break
         ring_m = _points((radius_m * _RING + situation.point_m).tolist())
-        seen_m = [point for point in ring_m if situation.sees(*point)]
-        if hidden_m := _hidden(np.array(seen_m).reshape(-1, 2), hides):
-            return hidden_m[0]
-    return None
+        open_m = [point for point in ring_m if suits(point) and situation.sees(*point)]
+        yield from _hidden(np.array(open_m).reshape(-1, 2), hides)
+    others_m = sorted([*exits_m, *destinations_m], key=away_m)
+    for known_m in (last_m, *others_m[:1]):
+        if known_m is not None and suits(known_m):
+            yield known_m
+
+
+def _way_m(situation: Situation, spare_s: float = 0.0) -> float:
+    """Return how far one gets in the rest of its life but `spare_s` [m]; inf if not known."""
+    motion, left_s = situation.row.motion, situation.left_s
+    speed_mps = motion.speed_mps * motion.running_factor / _DETOUR
+    return math.inf if left_s is None else speed_mps * (left_s - spare_s)
+
+
+def _is_behind_wall(situation: Situation, point_m: Point) -> bool:
+    """Return whether walls are between the robot and a point; true if the robot is unknown."""
+    robot, me = situation.robot, situation.me
+    if robot is None:
+        return True
+    return not situation.view.sees(me._replace(x_m=robot.x_m, y_m=robot.y_m), *point_m)
 
 
 def _hidden(points_m: npt.NDArray[np.float64], hides: Hides) -> list[Point]:

@@ -1,6 +1,14 @@
 """Leaving: by the nearest exit that can be reached."""
 
-from are_ros.agents.behaviours.leaving import Leaving
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from are_ros.agents.behaviours.leaving import Leaving, WalkingOut, choose_exits
+from are_ros.agents.behaviours.open_view import OpenView
+from are_ros.agents.behaviours.situation import Point
 from tests.agents.behaviours.stage import Actor, Stage, alone, places_at, robot_at
 
 EXITS = places_at([(1.0, 1.0)], [(20.0, 0.0), (5.0, 0.0), (-9.0, 0.0)])
@@ -45,3 +53,52 @@ def test_without_exits_it_goes_far_from_the_robot() -> None:
     assert alone(Actor(0, Leaving(), (0.0, 0.0)), places, robot=robot).goal_m == (-6.0, 0.0)
     assert alone(Actor(0, Leaving(), (0.0, 0.0)), places).goal_m == (9.0, 0.0)
     assert alone(Actor(0, Leaving(), (0.0, 0.0)), places_at([])).activity == "no way out"
+
+
+# --- exits out of the robot's sight
+
+
+SCREENED = OpenView(walls_m=[((3.0, -2.0), (3.0, 2.0))])
+
+
+def exit_of_one_at(
+    point_m: Point, left_s: float, *, exits_m: tuple[Point, ...] = (), last_m: Point | None = None
+) -> Point | None:
+    """Return the exit of one; the camera looks from (0, 0) along x, over the wall."""
+
+    def hides(points_m: np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, Any]:
+        return np.abs(points_m[:, 1]) > 0.3 * points_m[:, 0]
+
+    actor, way_out = Actor(0, Leaving(), point_m), WalkingOut()
+    places, robot = places_at([(40.0, 41.0)], exits_m), robot_at((0.0, 0.0))
+    situation = actor.situation(SCREENED, places, robot)._replace(left_s=left_s)
+    way_out.exit_m = last_m
+    choose_exits([(way_out, situation)], hides)
+    return way_out.exit_m
+
+
+def test_an_exit_in_reach_is_taken_and_kept_while_nobody_sees_it() -> None:
+    """The nearest one of those out of sight, even where it stands unseen."""
+    exits_m = ((20.0, 0.0), (5.0, 30.0), (-3.0, 1.0), (-2.0, 5.0))
+    assert exit_of_one_at((-1.0, 1.0), 60.0, exits_m=exits_m) == (-3.0, 1.0)
+    assert exit_of_one_at((-1.0, 1.0), 60.0, exits_m=exits_m, last_m=(-2.0, 5.0)) == (-2.0, 5.0)
+    assert exit_of_one_at((-1.0, 1.0), 60.0, exits_m=exits_m, last_m=(20.0, 0.0)) == (-3.0, 1.0)
+    assert exit_of_one_at((-1.0, 1.0), 5.5, exits_m=exits_m, last_m=(-2.0, 5.0)) == (-1.0, 1.0)
+
+
+def test_one_in_view_goes_to_the_nearest_point_out_of_sight() -> None:
+    """The straight way there has to be free."""
+    found_m = exit_of_one_at((2.0, 0.3), 6.0)
+    assert found_m is not None
+    assert abs(found_m[1]) > 0.3 * found_m[0]
+    assert math.dist(found_m, (2.0, 0.3)) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("left_s", "is_behind"), [(6.0, True), (0.5, False)])
+def test_a_point_behind_a_wall_is_better_if_there_is_time(left_s: float, is_behind: bool) -> None:
+    """Any other is in sight when the robot turns; too late, any will do."""
+    found_m = exit_of_one_at((3.5, 2.6), left_s)
+    assert found_m is not None
+    robot = Actor(1, Leaving(), (0.0, 0.0)).as_fellow()
+    assert SCREENED.sees(robot, *found_m) != is_behind
+    assert abs(found_m[1]) > 0.3 * found_m[0]
