@@ -2,15 +2,17 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros.agents.behaviours.situation import Intent, Point, Situation, stand
 from are_ros.agents.behaviours.walking import arrival_m
-from are_ros.agents.navigation.destinations import Destinations
 from are_ros.conventions import NS_PER_S
+
+if TYPE_CHECKING:
+    from are_ros.agents.navigation.destinations import Destinations
 
 EARLY_S: Final = 5.0
 """Artefacts that have to be at an exit at the end of their lives mean to be there by so much."""
@@ -124,7 +126,7 @@ def choose_exits(leaving: Sequence[tuple[WalkingOut, Situation]], hides: Hides) 
     for way_out, is_hidden in zip(known, hides(lasts_m), strict=True):
         if not is_hidden:
             way_out.exit_m = None
-    hidden_m = dict[Destinations, tuple[list[Point], list[Point]]]()
+    hidden_m: dict[Destinations, tuple[list[Point], list[Point]]] = {}
     for way_out, situation in leaving:
         last_m, places = way_out.exit_m, situation.places
         if last_m is not None and situation.distance_m(last_m) <= _way_m(situation, EARLY_S):
