@@ -18,6 +18,9 @@ from numba.core.caching import (
     FunctionCache,
     UserProvidedCacheLocator,
 )
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.registry import CPUDispatcher
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -43,26 +46,78 @@ def compiled(function: _Function, **options: bool) -> _Function:
     callbacks is made: it is a tenth of the compiler's time, and unused. No kernel
     should assign an array to a slice: the message of a wrong shape alone compiles for seconds.
     """
-    kernel = numba.njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)(function)
-    if not numba.config.DISABLE_JIT:
-        kernel._cache = KernelCache(function)  # noqa: SLF001 - as its enable_caching does
-        kernel.get_call_template = _for_values_of_any_size(kernel.get_call_template)
-        KERNELS.append(name_of(function))
-    return cast("_Function", kernel)
+    if numba.config.DISABLE_JIT:
+        return function
+    options |= {"nopython": True, "nogil": True, "no_cfunc_wrapper": True}
+    KERNELS.append(name_of(function))
+    return cast("_Function", _Kernel(function, {"error_model": "numpy", **options}))
 
 
-def _for_values_of_any_size(get_call_template: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a dispatcher's `get_call_template` that takes a literal argument as its plain type.
+class _Kernel(CPUDispatcher):  # type: ignore[misc] # numba is not typed
+    """A kernel as Python calls it. As others call it, it is a `_Part` of theirs.
 
-    Numba types `step(0)` by the literal 0 at first, and would compile `step` for it alone, and
-    once more for any integer.
+    Numba itself makes machine code of each kernel that another one calls, with a wrapper for
+    Python, though most are called by kernels alone: a third of the compiler's time.
     """
 
-    def of_plain_types(args: Any, kws: Any) -> Any:
-        plain = {name: types.unliteral(kind) for name, kind in dict(kws).items()}
-        return get_call_template(tuple(types.unliteral(kind) for kind in args), plain)
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        super().__init__(function, targetoptions=options)
+        self._cache = KernelCache(function)  # as `enable_caching` of numba does
+        self._part = _Part(function, targetoptions=options, pipeline_class=_PartCompiler)
 
-    return of_plain_types
+    @property
+    def _numba_type_(self) -> types.Type:
+        """What kernels see that call this one."""
+        return types.Dispatcher(self._part)
+
+    def add_overload(self, result: Any) -> None:
+        """Take what was compiled; the parts in it get their environments."""
+        super().add_overload(result)
+        for environment in result._find_referenced_environments():  # noqa: SLF001 - numba has no other way
+            result.library.codegen.set_env(environment.env_name, environment)
+
+
+class _Part(CPUDispatcher):  # type: ignore[misc] # numba is not typed
+    """A kernel as others call it: no machine code of its own, its code is put into theirs."""
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Return what numba calls for arguments of some types; literals count as their plain type.
+
+        Numba types `step(0)` by the literal 0 at first, and would compile `step` for it alone, and
+        once more for any integer.
+        """
+        plain = {name: types.unliteral(kind) for name, kind in dict(kws).items()}
+        return super().get_call_template(tuple(types.unliteral(kind) for kind in args), plain)
+
+    def add_overload(self, result: Any) -> None:
+        """Take what was compiled, and let others find it by an entry point that is only a name."""
+        result = result._replace(entry_point=object())
+        self.targetctx.insert_user_function(result.entry_point, result.fndesc, [result.library])
+        self.overloads[tuple(result.signature.args)] = result
+
+
+class _PartCompiler(Compiler):  # type: ignore[misc] # numba is not typed
+    """Goes as far as code that can be linked."""
+
+    def define_pipelines(self) -> Any:
+        """Return the passes of the compiler."""
+        state = self.state
+        state.flags.no_compile = state.flags.no_cpython_wrapper = True
+        state.library = _PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        return super().define_pipelines()
+
+
+class _PartLibrary(JITCodeLibrary):  # type: ignore[misc] # numba is not typed
+    """Code that becomes machine code where it is linked into."""
+
+    def finalize(self) -> None:
+        """Link what this code calls, and optimise it: inlined first, loops would not be vectors."""
+        for library in dict.fromkeys(self._linking_libraries):
+            self._reload_init.update(library._reload_init)  # noqa: SLF001 - numba has no other way
+            self._final_module.link_in(library._get_module_for_linking(), preserve=True)  # noqa: SLF001
+        self._optimize_final_module()
+        self._finalize_dynamic_globals()
+        self._finalized = True
 
 
 def name_of(function: Callable[..., Any]) -> str:
