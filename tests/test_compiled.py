@@ -62,6 +62,34 @@ def test_a_kernel_is_made_anew_when_what_it_calls_has_changed(pair: Path) -> Non
     assert call(pair, "1") == ["30", "1"]
 
 
+def test_a_kernel_that_only_kernels_call_has_no_code_of_its_own(pair: Path, tmp_path: Path) -> None:
+    """It is kept as a part of its caller; when Python calls it, too, it is compiled by itself."""
+    cache = tmp_path / "cache"
+    assert call(pair, "1", str(cache)) == ["20", "1"]
+    kept = list(cache.rglob("*.nbi"))
+    assert len(kept) == 1
+    assert kept[0].name.startswith("outer.outer")
+    command = [sys.executable, "-c", "from pair.inner import inner; print(inner(1))"]
+    environment = {**os.environ, "PYTHONPATH": str(pair.parent), "NUMBA_CACHE_DIR": str(cache)}
+    assert subprocess.check_output(command, env=environment, text=True).split() == ["2"]
+    assert len(list(cache.rglob("*.nbi"))) == 2
+
+
+def test_what_a_part_raises_and_names_comes_out_of_its_caller(pair: Path) -> None:
+    """From code that was just compiled, and from code of the disk."""
+    text = _INNER.format(1).replace(
+        "return", "if x < 0:\n        raise ValueError('negative')\n    return"
+    )
+    (pair / "inner.py").write_text(text, encoding="ascii")
+    program = (
+        "from pair.outer import outer\ntry:\n    outer(-1)\nexcept ValueError as e:\n    print(e)"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(pair.parent), "NUMBA_CACHE_DIR": ""}
+    for _ in range(2):
+        said = subprocess.check_output([sys.executable, "-c", program], env=environment, text=True)
+        assert said == "negative\n"
+
+
 def test_a_touched_source_is_no_other_source(pair: Path) -> None:
     """Contents count, not times: a package that is unpacked again keeps its kernels."""
     assert call(pair, "1") == ["20", "1"]

@@ -40,6 +40,8 @@ _BASE: Final = "base_link"
 _NO_TURN = (0.0, 0.0, 0.0, 1.0)
 _SIDE = 120
 _TICKS = 20
+_READINGS = 8
+"""Ticks with readings. After six, all kernels of the shipped catalogue have run."""
 _TICK_NS = NS_PER_S // 10
 _PAUSE_S = 0.05
 _STDOUT = 1
@@ -314,7 +316,7 @@ class _Scene:
             if hasattr(make(_BASE, 0), "seen_through"):
                 builder.await_lens(topic, "camera_info")
                 builder.receive_lens(topic, Lens.miniature(_BASE), self._tick * _TICK_NS)
-        for i in range(_TICKS):
+        for i in range(_READINGS):
             now_ns = self._move()
             for topic, make in topics.items():
                 builder.receive_reading(topic, make(_BASE, now_ns), now_ns)
