@@ -542,8 +542,8 @@ class SensorsParameters:
 
     gate: SensorGate = parameter(
         SensorGate.GEOMETRY,
-        "Artefacts that sensor rays can hit: geometry or all, every one (the same: rays are "
-        "geometry themselves); perceived, only the perceived ones.",
+        "Artefacts that sensor rays can hit: geometry and all are the same, every artefact; "
+        "perceived, only the perceived ones.",
         live=True,
     )
     shape: Shape = parameter(Shape.MESH, "Shape of the artefacts that sensor rays hit.", live=True)
