@@ -28,7 +28,7 @@ def compiled():
     return {
         (name, kernel, str(signature))
         for name, module in sys.modules.items() if name.startswith("are_ros.")
-        for kernel, value in vars(module).items()
+        for kernel, value in vars(module).items() if not isinstance(value, type)
         for signature in getattr(value, "signatures", ())
         if getattr(value, "__module__", "") == name != "are_ros.messages.markers"
     }
@@ -50,7 +50,7 @@ from tests.builder.test_warm_up import catalogue_of
 warm_up(catalogue_of(2), WarmUpNeeds((), Demand(grids=False), has_voxels=False))
 for name, module in list(sys.modules.items()):
     for kernel, value in vars(module).items() if name.startswith("are_ros.") else ():
-        if getattr(value, "signatures", ()):
+        if not isinstance(value, type) and getattr(value, "signatures", ()):
             print(f"{value.py_func.__module__}.{kernel}")
 """
 
