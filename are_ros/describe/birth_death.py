@@ -46,16 +46,22 @@ def tagged_survival(
 
     `met` is the law of the level at its beginning, `times_s` are equally spaced from 0 on.
     """
-    from scipy.sparse import diags_array
     from scipy.sparse.linalg import expm_multiply
 
     drawn = deaths_per_s / levels
     falls = np.append(0.0, (deaths_per_s - drawn)[1:])
-    rests = diags_array(jumps.sum(axis=1) + falls + drawn)
+    rests = _diagonal(jumps.sum(axis=1) + falls + drawn)
     forward = (jumps - rests + _one_down(falls)).T
     paths = expm_multiply(forward.tocsc(), met, times_s[0], times_s[-1], len(times_s))
     survival: Numbers = np.asarray(paths).sum(axis=1)
     return survival
+
+
+def _diagonal(rates_per_s: Numbers) -> Any:
+    """Return a sparse matrix with these on its diagonal; scipy 1.11 has no `diags_array`."""
+    from scipy.sparse import dia_array
+
+    return dia_array((rates_per_s[None], [0]), shape=(len(rates_per_s),) * 2)
 
 
 def _one_down(falls_per_s: Numbers) -> Any:
@@ -169,7 +175,6 @@ class BirthDeath:
         It is (f, h)/(f, f) under the stationary law, where f = n - E N and h solves Poisson's
         equation Q h = -f. For independent lives without a bound it is the mean life.
         """
-        from scipy.sparse import diags_array
         from scipy.sparse.linalg import spsolve
 
         levels = self._levels(0)
@@ -180,7 +185,7 @@ class BirthDeath:
             return 0.0
         falls_per_s = np.append(0.0, self._deaths_per_s(levels)[1:])
         jumps = self._jumps(levels)
-        generator = jumps - diags_array(jumps.sum(axis=1) + falls_per_s) + _one_down(falls_per_s)
+        generator = jumps - _diagonal(jumps.sum(axis=1) + falls_per_s) + _one_down(falls_per_s)
         # Q is singular: its equation at the likeliest level follows from the others.
         kept = np.flatnonzero(np.arange(len(law)) != np.argmax(law))
         h = np.zeros(len(law))
@@ -219,7 +224,7 @@ class BirthDeath:
 
         What would leave the stretch ends at its last level.
         """
-        from scipy.sparse import csr_array, diags_array, hstack
+        from scipy.sparse import csr_array, dia_array, hstack
 
         count = len(levels)
         if count == 1:
@@ -227,7 +232,8 @@ class BirthDeath:
         reach = min(len(self._beyond_per_s), count - 1)
         by_exactly = -np.diff(np.append(self._beyond_per_s, 0.0))
         offsets = np.arange(1, reach + 1)
-        inner = diags_array(by_exactly[:reach], offsets=offsets, shape=(count, count))
+        bands = np.repeat(by_exactly[:reach, None], count, axis=1)
+        inner = dia_array((bands, offsets), shape=(count, count))
         last = np.zeros((count, 1))
         last[count - 1 - reach : count - 1, 0] = self._beyond_per_s[:reach][::-1]
         return csr_array(hstack((inner.tocsc()[:, :-1], last)))
