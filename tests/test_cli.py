@@ -98,6 +98,7 @@ def test_version_is_the_package_s() -> None:
             ("'scan' must be ROLE:=/TOPIC, as scan:=/f",),
         ),
         (("replay", "a.bag", "--set", "a=1"), ("'--set': 'a=1' must be NAME:=VALUE, as popul",)),
+        (("replay", "a.bag", "--map", "a", "--map", "b"), ("--map can be given only once",)),
         (("describe", "--set", ":=1"), ("':=1' must be NAME:=VALUE",)),
         (("play",), ("BAG...", "(see `are play --help`)")),
         (("play", "a.bag", "--rate", "0"), ("'--rate': 0 is less than 0.001",)),

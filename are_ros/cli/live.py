@@ -14,6 +14,7 @@ from are_ros.cli.options import (
     IMPERFECT,
     ROS_NAME,
     Amount,
+    Command,
     animate_option,
     duration_option,
     parameter_options,
@@ -28,7 +29,7 @@ _PASSED_ON = {"ignore_unknown_options": True, "allow_extra_args": True}
 _RATE = Amount("factor", 0.001, 1e6)
 
 
-@click.command(short_help="Run the live node.", context_settings=_PASSED_ON)
+@click.command(cls=Command, short_help="Run the live node.", context_settings=_PASSED_ON)
 @params_option
 @set_option
 @click.option(
@@ -82,7 +83,9 @@ def _ros_words(
 
 
 @click.command(
-    short_help="Give the real map back if the node is killed.", context_settings=_PASSED_ON
+    cls=Command,
+    short_help="Give the real map back if the node is killed.",
+    context_settings=_PASSED_ON,
 )
 @click.option("--namespace", metavar="NAME", type=ROS_NAME, help="That of the node.")
 @click.argument("ros_args", metavar="[ROS ARGUMENTS]", nargs=-1, type=click.UNPROCESSED)
@@ -102,7 +105,7 @@ def guard(namespace: str | None, ros_args: tuple[str, ...]) -> None:
     sys.exit(run_guard(["--ros-args", *given, "--", *ros_args]))
 
 
-@click.command(short_help="Play a recording to live topics.")
+@click.command(cls=Command, short_help="Play a recording to live topics.")
 @click.argument("bags", metavar="BAG...", nargs=-1, required=True, type=FILE)
 @click.option("--rate", type=_RATE, default=1.0, show_default=True, help="Times real time.")
 @click.option("--loop", is_flag=True, help="Play again and again.")
@@ -146,7 +149,7 @@ def play(**options: Any) -> None:
         sys.exit(IMPERFECT)
 
 
-@click.command(short_help="Record live topics.")
+@click.command(cls=Command, short_help="Record live topics.")
 @click.argument("path", metavar="OUT", type=FILE)
 @click.option(
     "--topics",
@@ -174,7 +177,7 @@ def record(**options: Any) -> None:
         sys.exit(IMPERFECT)
 
 
-@click.command(short_help="Show the live node at work on a recording.")
+@click.command(cls=Command, short_help="Show the live node at work on a recording.")
 @click.argument("bag", metavar="[BAG]", type=FILE, default=Path("bags/sample_office.mcap"))
 @click.option("--rate", type=_RATE, default=2.0, show_default=True, help="Times real time.")
 @duration_option

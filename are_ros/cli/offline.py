@@ -13,6 +13,7 @@ from are_ros.cli.options import (
     ROS_NAME,
     SECONDS,
     Amount,
+    Command,
     animate_option,
     duration_option,
     octomap_option,
@@ -28,7 +29,7 @@ _OPTIONAL = ("octomap",)
 _PORT: Final = 8080
 
 
-@click.command(short_help="Replay a recording with artefacts in it.")
+@click.command(cls=Command, short_help="Replay a recording with artefacts in it.")
 @recording_options
 @octomap_option
 @start_option
@@ -76,7 +77,7 @@ def replay(**options: Any) -> None:
         sys.exit(IMPERFECT)
 
 
-@click.command(short_help="Say what a recording holds, and what it lacks.")
+@click.command(cls=Command, short_help="Say what a recording holds, and what it lacks.")
 @recording_options
 def inspect(**options: Any) -> None:
     """Say what a recording holds: topics, the roles that they play, how its frames hang together.
@@ -89,7 +90,7 @@ def inspect(**options: Any) -> None:
     inspect_command(click.echo, **options | {"map_frame": options["map_frame"] or "map"})
 
 
-@click.command(short_help="Find where a map lies, by the scans of a recording.")
+@click.command(cls=Command, short_help="Find where a map lies, by the scans of a recording.")
 @recording_options
 @start_option
 @duration_option
@@ -119,7 +120,7 @@ def align(**options: Any) -> None:
         sys.exit(IMPERFECT)
 
 
-@click.command(short_help="Say what a configuration means.")
+@click.command(cls=Command, short_help="Say what a configuration means.")
 @click.option("--map", "map_file", metavar="FILE.yaml", type=FILE, help="Map, for its region.")
 @click.option(
     "--plot",
@@ -154,7 +155,7 @@ def describe(**options: Any) -> None:
     describe_command(click.echo, **options)
 
 
-@click.command(short_help="Check a result or a live recording against the invariants.")
+@click.command(cls=Command, short_help="Check a result or a live recording against the invariants.")
 @click.argument("recording", metavar="RECORDING", type=FILE)
 @click.option("--map", "map_file", metavar="FILE.yaml", type=FILE, help="The real map.")
 @click.option("--params", "parameters_file", metavar="FILE", type=FILE, help="Its parameters.")
@@ -171,7 +172,7 @@ def check(recording: Path, map_file: Path | None, parameters_file: Path | None) 
         sys.exit(IMPERFECT)
 
 
-@click.command(short_help="Look around in a recording, or in what the live node does.")
+@click.command(cls=Command, short_help="Look around in a recording, or in what the live node does.")
 @click.argument("recording", metavar="[RECORDING]", type=FILE, required=False)
 @click.option("--out", type=FILE, help="Page. [view.html beside the recording]")
 @animate_option
@@ -228,7 +229,7 @@ def view(
     view_recording(recording, out or picture_beside(recording, VIEW), say)
 
 
-@click.command(short_help="Write the scene of a recording for other programs.")
+@click.command(cls=Command, short_help="Write the scene of a recording for other programs.")
 @click.argument("recording", metavar="RECORDING", type=FILE)
 @click.option(
     "--mesh",
@@ -308,7 +309,7 @@ _MOST_ROWS = 10_000
 _MOST_COMPONENTS = 32
 
 
-@click.command(short_help="Fit the Poisson mixture to observed rows.")
+@click.command(cls=Command, short_help="Fit the Poisson mixture to observed rows.")
 @click.argument("source", metavar="INPUT", type=FILE)
 @click.option(
     "--rows",
@@ -359,7 +360,7 @@ _LOGGED_EVERY_S: Final = 60.0
 """Where stderr is no terminal (a file, CI), the bar is written this seldom."""
 
 
-@click.command(short_help="Let artefacts live for hours, and judge how they move.")
+@click.command(cls=Command, short_help="Let artefacts live for hours, and judge how they move.")
 @click.option("--map", "map_file", metavar="FILE.yaml", type=FILE, required=True, help="The map.")
 @click.option(
     "--minutes",

@@ -15,6 +15,19 @@ _Command = TypeVar("_Command", bound=Callable[..., Any])
 FILE = click.Path(path_type=Path)
 
 
+class Command(click.Command):
+    """A command that takes each option once, but for those that are repeatable."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse the arguments; a usage error where an option would silently replace another."""
+        _, _, given = self.make_parser(ctx).parse_args(list(args))
+        for option in given:
+            is_once = isinstance(option, click.Option) and not (option.multiple or option.is_flag)
+            if is_once and given.count(option) > 1:
+                raise click.UsageError(f"{option.opts[0]} can be given only once", ctx)
+        return super().parse_args(ctx, args)
+
+
 class Amount(FloatParamType):
     """A finite number with bounds; its unit stands in the help."""
 

@@ -176,7 +176,8 @@ def map_axes(
 def name_map(axes: Any, title: str) -> None:
     """Write the title of a map, and draw a line around it."""
     name_axes(axes, title)
-    axes.spines[:].set(visible=True, color=EDGE_HEX)
+    axes.spines[:].set_visible(True)
+    axes.spines[:].set_color(EDGE_HEX)
     axes.tick_params(labelsize=7.5)
 
 

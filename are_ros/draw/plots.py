@@ -492,7 +492,8 @@ def _draw_arrivals(axes: Any, trial: Trial, site: Site, end_s: float, colours: A
     whose = "the first arrival of each group" if trial.chain.is_grouped else "all arrivals"
     count = f"[m]   {counted(len(trial.points_m), 'place')}, of {whose}"
     name_axes(axes, "arrivals in space", f"{count}; in colour: in the time shown")
-    axes.spines[:].set(visible=True, color=EDGE_HEX)
+    axes.spines[:].set_visible(True)
+    axes.spines[:].set_color(EDGE_HEX)
     unit_s, name = time_unit(end_s, _LEAST_UNITS)
     bar = axes.inset_axes((1.015, 0.0, 0.02, 1.0))
     draw_colour_bar(bar, colours, (0.0, end_s / unit_s), f"[{name}]")

@@ -61,6 +61,7 @@ def view_live_command(say: Say, namespace: str, port: int) -> None:
         _running(port) as server,
     ):
         remote = RemoteNode(node, executor, namespace, stop.should_stop)
+        say(f"waiting for {remote.name}, for a minute at most")
         live = LiveView(server, remote, remote.parameters())
         say(f"the running node can be seen at http://localhost:{server.get_port()}; Ctrl-C ends it")
         while not stop.is_set:

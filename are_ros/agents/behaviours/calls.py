@@ -8,6 +8,7 @@ User-defined planners are called in the same way, by `new_behaviour` and `answer
 
 import inspect
 import math
+import reprlib
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -152,7 +153,7 @@ def _states_bounds(kind: type) -> bool:
 def _faults_of(intent: object) -> Iterator[str]:
     """Yield what is wrong with a returned intent."""
     if not isinstance(intent, Intent):
-        what = "None" if intent is None else f"a {type(intent).__name__}"
+        what = "None" if intent is None else f"{reprlib.repr(intent)} ({type(intent).__name__})"
         yield f"{what}, which is no Intent"
         return
     for name, point_m in (("goal_m", intent.goal_m), ("face_m", intent.face_m)):

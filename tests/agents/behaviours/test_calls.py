@@ -62,8 +62,8 @@ def test_the_line_is_the_users_where_something_of_ours_raised() -> None:
 
 BAD: list[tuple[Any, str]] = [
     (None, "None, which is no Intent"),
-    ("walk", "a str, which is no Intent"),
-    ((1.0, 2.0), "a tuple, which is no Intent"),
+    ("walk", "'walk' (str), which is no Intent"),
+    ((1.0, 2.0), "(1.0, 2.0) (tuple), which is no Intent"),
     (Intent((math.nan, 1.0), 1.0), "the goal_m (nan, 1.0): "),
     (Intent((1.0, math.inf), 1.0), "the goal_m (1.0, inf): "),
     (Intent((1.0, 1e300), 1.0), "the goal_m (1.0, 1e+300): "),
