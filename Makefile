@@ -29,7 +29,7 @@ ifdef AMENT_PREFIX_PATH
 unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH RMW_IMPLEMENTATION
 endif
 
-.PHONY: setup demo test test-long lint bench colcon constraints clean another-python
+.PHONY: setup demo test test-long lint bench oldest colcon constraints clean another-python
 
 setup: $(VENV)/ready-for-ros # what the commands need, ROS 2's Python included; nothing is run
 	@if test -e $<; then $(BIN)/python scripts/build_messages.py; fi
@@ -62,6 +62,10 @@ lint: $(VENV)/ready-for-tests
 colcon: # builds with colcon as the README says, and tests what ros2 run and ros2 launch would find
 	$(CHECK_PYTHON)
 	$(PYTHON) scripts/check_colcon.py
+
+oldest: # runs the commands with the oldest packages that pyproject.toml allows
+	$(CHECK_PYTHON)
+	$(PYTHON) scripts/check_oldest.py
 
 $(VENV)/ready: pyproject.toml setup.py $(wildcard constraints/*.txt) $(if $(OTHER_VERSION),another-python)
 	$(CHECK_PYTHON)
