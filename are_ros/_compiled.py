@@ -48,9 +48,9 @@ def compiled(function: _Function, **options: bool) -> _Function:
     """
     if numba.config.DISABLE_JIT:
         return function
-    options |= {"nopython": True, "nogil": True, "no_cfunc_wrapper": True}
     KERNELS.append(name_of(function))
-    return cast("_Function", _Kernel(function, {"error_model": "numpy", **options}))
+    ours = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+    return cast("_Function", _Kernel(function, {**ours, **options}))
 
 
 class _Kernel(CPUDispatcher):  # type: ignore[misc] # numba is not typed

@@ -44,8 +44,13 @@ def pair(tmp_path: Path) -> Path:
 
 def begin(pair: Path, argument: str, cache: str = "") -> subprocess.Popen[str]:
     """Let a process call `outer`, and print the result and how often it was not in the cache."""
+    return run(pair, _CALL.format(argument), cache)
+
+
+def run(pair: Path, program: str, cache: str = "") -> subprocess.Popen[str]:
+    """Begin a program that can import the package."""
     environment = {**os.environ, "PYTHONPATH": str(pair.parent), "NUMBA_CACHE_DIR": cache}
-    command = [sys.executable, "-c", _CALL.format(argument)]
+    command = [sys.executable, "-c", program]
     return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
 
 
@@ -69,13 +74,12 @@ def test_a_kernel_that_only_kernels_call_has_no_code_of_its_own(pair: Path, tmp_
     kept = list(cache.rglob("*.nbi"))
     assert len(kept) == 1
     assert kept[0].name.startswith("outer.outer")
-    command = [sys.executable, "-c", "from pair.inner import inner; print(inner(1))"]
-    environment = {**os.environ, "PYTHONPATH": str(pair.parent), "NUMBA_CACHE_DIR": str(cache)}
-    assert subprocess.check_output(command, env=environment, text=True).split() == ["2"]
+    from_python = run(pair, "from pair.inner import inner; print(inner(1))", str(cache))
+    assert from_python.communicate(timeout=120)[0].split() == ["2"]
     assert len(list(cache.rglob("*.nbi"))) == 2
 
 
-def test_what_a_part_raises_and_names_comes_out_of_its_caller(pair: Path) -> None:
+def test_what_a_part_raises_comes_out_of_its_caller(pair: Path) -> None:
     """From code that was just compiled, and from code of the disk."""
     text = _INNER.format(1).replace(
         "return", "if x < 0:\n        raise ValueError('negative')\n    return"
@@ -84,10 +88,8 @@ def test_what_a_part_raises_and_names_comes_out_of_its_caller(pair: Path) -> Non
     program = (
         "from pair.outer import outer\ntry:\n    outer(-1)\nexcept ValueError as e:\n    print(e)"
     )
-    environment = {**os.environ, "PYTHONPATH": str(pair.parent), "NUMBA_CACHE_DIR": ""}
     for _ in range(2):
-        said = subprocess.check_output([sys.executable, "-c", program], env=environment, text=True)
-        assert said == "negative\n"
+        assert run(pair, program).communicate(timeout=120)[0] == "negative\n"
 
 
 def test_a_touched_source_is_no_other_source(pair: Path) -> None:
