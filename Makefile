@@ -16,8 +16,10 @@ VERSION := $(word 2,$(subst -, ,$(PLATFORM)))
 VENV_VERSION := $(shell sed -n 's/^version = \([0-9]*\.[0-9]*\).*/\1/p' $(VENV)/pyvenv.cfg 2>/dev/null)
 OTHER_VERSION := $(if $(VENV_VERSION),$(filter-out $(VERSION),$(VENV_VERSION)))
 CONSTRAINTS := constraints/python$(VERSION).txt
+# Python writes the bytecode of what it imports; only where it may not does pip write all of it.
 PIP := PIP_CONSTRAINT=$(CONSTRAINTS) PIP_BUILD_CONSTRAINT=$(CONSTRAINTS) \
-  $(BIN)/python -m pip install --quiet --disable-pip-version-check --use-pep517
+  $(BIN)/python -m pip install --quiet --disable-pip-version-check --use-pep517 \
+  $(if $(PYTHONDONTWRITEBYTECODE),,--no-compile)
 
 define CHECK_PYTHON
 @$(if $(filter $(PLATFORM),$(SUPPORTED)),:,$(error are_ros needs Python 3.10 to 3.13 on Linux x86-64 \
@@ -34,7 +36,7 @@ endif
 setup: $(VENV)/ready-for-ros # what the commands need, ROS 2's Python included; nothing is run
 	@if test -e $<; then $(BIN)/python scripts/build_messages.py; fi
 
-# The kernels compile while ROS is installed and its messages are built.
+# The kernels compile while the rest is installed and the messages of ROS are built.
 ifeq ($(MAKECMDGOALS),demo)
 MAKEFLAGS += --jobs=2
 endif
@@ -44,8 +46,8 @@ demo: $(VENV)/ready-for-ros $(VENV)/kernels
 	$(BIN)/are replay bags/sample_office.mcap --params bags/sample_office.yaml --params config/nav2_are.yaml --out $(OUT)/demo; fi
 
 # The project's own path comes first: pip replaces the installed one meanwhile.
-$(VENV)/kernels: $(VENV)/ready
-	@PYTHONPATH=. $(BIN)/python scripts/compile_kernels.py
+$(VENV)/kernels: $(VENV)/core
+	@PYTHONPATH=. nice $(BIN)/python scripts/compile_kernels.py
 	@touch $@
 
 test: $(VENV)/ready-for-tests
@@ -67,12 +69,17 @@ oldest: # runs the commands with the oldest packages that pyproject.toml allows
 	$(CHECK_PYTHON)
 	$(PYTHON) scripts/check_oldest.py
 
-$(VENV)/ready: pyproject.toml setup.py $(wildcard constraints/*.txt) $(if $(OTHER_VERSION),another-python)
+$(VENV)/core: pyproject.toml setup.py $(wildcard constraints/*.txt) $(if $(OTHER_VERSION),another-python)
 	$(CHECK_PYTHON)
 	$(if $(OTHER_VERSION),@echo '$(VENV) was made with Python $(OTHER_VERSION): it is made anew with $(VERSION).')
 	@{ test -z '$(OTHER_VERSION)' && $(BIN)/python -m pip --version >/dev/null 2>&1; } \
 	  || $(PYTHON) -m venv --clear $(VENV)
-	@echo 'installing what the replay needs, into $(VENV)'
+	@echo 'installing what the kernels need, into $(VENV)'
+	@$(PIP) --editable .
+	@touch $@
+
+$(VENV)/ready: $(VENV)/core
+	@echo 'installing what the replay needs'
 	@$(PIP) --editable '.[replay,view]'
 	@touch $@
 

@@ -81,7 +81,7 @@ def test_each_python_gets_its_own_versions(tmp_path: Path, version: str) -> None
     done = make(f"PYTHON={python}", f"VENV={tmp_path / 'venv'}", "--dry-run", "test")
     assert done.returncode == 0
     pins = f"constraints/python{version}.txt"
-    assert done.stdout.count(f"PIP_CONSTRAINT={pins} PIP_BUILD_CONSTRAINT={pins}") == 3
+    assert done.stdout.count(f"PIP_CONSTRAINT={pins} PIP_BUILD_CONSTRAINT={pins}") == 4
     assert (PROJECT / pins).is_file()
 
 
