@@ -5,9 +5,10 @@ Nothing here imports rclpy at the top: signals are handled before anything slow 
 
 import os
 import signal
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Any, Final
 
 from are_ros.errors import AreError, NodeError
@@ -27,11 +28,15 @@ class Stop:
 
     def __init__(self) -> None:
         self.is_set = False
+        self.at_first: Callable[[], object] = lambda: None
+        """Called by the first signal."""
 
     def __call__(self, number: int, frame: Any) -> None:
         """Take a signal."""
         del number, frame
-        self.is_set = True
+        if not self.is_set:
+            self.is_set = True
+            self.at_first()
 
     def should_stop(self) -> bool:
         """Return whether a signal was received."""
@@ -51,6 +56,37 @@ def stop_on_signals(*, is_last: bool = True) -> Iterator[Stop]:
     finally:
         for number, previous in before.items():
             signal.signal(number, signal.SIG_IGN if is_last and stop.is_set else previous)
+
+
+_PATIENCE_S: Final = 1.0
+_NEXT_S: Final = 0.1
+
+
+@contextmanager
+def ending_hung_behaviours(stop: Stop) -> Iterator[None]:
+    """End user-defined behaviours that have not returned a second after a signal.
+
+    While the block runs, in the main thread. Their call raises a TimeoutError, so the artefact
+    stands, and the node can end. Compiled code cannot be ended so.
+    """
+    from are_ros.agents.behaviours.calls import running_behaviour
+
+    def end(number: int, frame: FrameType | None) -> None:
+        del number
+        if running_behaviour(frame):
+            raise TimeoutError("it had not returned a second after the node was told to end")
+
+    def start_timer() -> None:
+        signal.setitimer(signal.ITIMER_REAL, _PATIENCE_S, _NEXT_S)
+
+    before = signal.signal(signal.SIGALRM, end)
+    stop.at_first = start_timer
+    try:
+        yield
+    finally:
+        stop.at_first = lambda: None
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
 
 
 # How Fast DDS, the middleware of ROS 2 as it comes, carries the messages of a process.
@@ -180,7 +216,7 @@ def run(arguments: Sequence[str] | None, stop: Stop) -> int:
     from are_ros.node.ar_builder_node import NAME, ArBuilderNode
 
     try:
-        with ros_context(arguments) as context:
+        with ros_context(arguments) as context, ending_hung_behaviours(stop):
             with refusals_of_ros():
                 node = ArBuilderNode(context=context)
             return 0 if _spin(node, stop) else 1

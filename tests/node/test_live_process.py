@@ -52,6 +52,14 @@ from are_ros.node.startup import main
 sys.exit(main(sys.argv[1:]))
 """
 """It says when it listens to signals: before that, one would end any process."""
+HANGING = """
+classes:
+  person:
+    shape: person
+    motion: {speed_mps: 1.0, turn_rate_radps: 3.0}
+rows:
+  - {label: post, class: person, size_m: [0.3, 0.4, 1.7], behaviours: {"HANGS": 1}}
+"""
 HEART = """
 import rclpy
 from are_ros.node.heartbeat import offer_heartbeat
@@ -208,6 +216,31 @@ def test_it_leaves_what_is_real(
     ros.spin_until(lambda: is_farewell(heard))
     ros.spin_for(0.2)
     assert is_farewell(heard), "nothing comes after it"
+
+
+def test_a_behaviour_that_never_returns_does_not_keep_it(
+    ros: RosWorld, start: Start, tmp_path: Path
+) -> None:
+    """A second after the signal it is ended, and what is real is left; the log says who it was."""
+    catalogue = tmp_path / "catalogue.yaml"
+    hangs = "tests.agents.behaviours.failing:Hangs"
+    catalogue.write_text(HANGING.replace("HANGS", hangs), encoding="utf-8")
+    process = start({**QUIET, "catalogue": str(catalogue), "costmap.gate": "all"})
+    user = ros.make_node("user")
+    heard = {name: collect(ros, user, name) for name in ("augmented_map", "markers", "artefacts")}
+    publish(user, "map", room())
+    process.wait_for(READY)
+    ros.spin_until(lambda: heard["augmented_map"])
+    spawn(ros, user, pose_at(2.05, 2.05))
+    process.wait_for("has not returned for a second; the node stands still")
+    process.signal(signal.SIGINT)
+    ros.spin_until(lambda: not process.is_alive())
+    assert process.end() == 0
+    ros.spin_until(lambda: is_farewell(heard))
+    (ended,) = (line for line in process.said if "was told to end" in line)
+    assert f"{hangs} of artefact " in ended
+    assert "TimeoutError: it had not returned a second after" in ended
+    assert "failing.py, line " in ended
 
 
 @pytest.fixture

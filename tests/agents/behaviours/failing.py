@@ -64,6 +64,18 @@ class Sleeps:
         return stand("rested")
 
 
+class Hangs:
+    """Never decides."""
+
+    name: ClassVar[str] = "hangs"
+
+    def decide(self, situation: Situation) -> Intent:
+        """Look for an answer."""
+        while situation.row:
+            time.sleep(3600.0)
+        raise NotImplementedError
+
+
 class Helpless:
     """Lets something of are_ros raise."""
 
