@@ -1,4 +1,4 @@
-"""Compile the kernels for the default parameters; `make demo` does so while the rest is installed."""
+"""Compile the kernels for the default parameters; `make demo` does so while it installs."""
 
 import time
 

@@ -34,6 +34,7 @@ from are_ros.messages.transforms import (
 
 _REINDEX = "it ends too early or is damaged; `rosbag reindex` may repair it"
 _RECOVER = "it ends too early (an interrupted recording?); `mcap recover` may repair it"
+_DAMAGED = "a part of it is damaged; `mcap recover` may save the rest"
 _DATABASE = "it is no rosbag2 database, or a damaged one; `sqlite3 FILE .recover` may save a part"
 
 _SENTENCES = (
@@ -51,6 +52,7 @@ _SENTENCES = (
     ("Invalid bag metadata", "its metadata.yaml is empty or no rosbag2 metadata"),
     ("files are missing", "files that its metadata.yaml names are missing"),
     ("database", _DATABASE),
+    ("checksum mismatch", _DAMAGED),
 )
 
 _PLAIN_SPOKEN = ("ReaderError", "SerdeError", "TypesysError", "FileNotFoundError")

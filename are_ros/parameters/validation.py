@@ -15,6 +15,7 @@ from are_ros.parameters.model import (
     PopulationParameters,
     WorldParameters,
 )
+from are_ros.wording import counted
 
 _SUM_TOLERANCE: Final = 1e-6
 _MOUNT: Final = ("x", "y", "z", "yaw", "pitch", "roll")
@@ -59,8 +60,9 @@ def _check_mixture(mixture: MixtureParameters) -> None:
     weights, rates = mixture.weights, mixture.rates
     if not weights or len(weights) != len(rates):
         message = (
-            f"parameters 'mixture.weights' and 'mixture.rates': {len(weights)} weights and "
-            f"{len(rates)} rates, but as many of the one as of the other are needed, at least one"
+            "parameters 'mixture.weights' and 'mixture.rates': "
+            f"{counted(len(weights), 'weight')} and {counted(len(rates), 'rate')}, but as many of "
+            "the one as of the other are needed, at least one"
         )
         raise ParameterError(message)
     total = math.fsum(weights)

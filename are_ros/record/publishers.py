@@ -266,7 +266,8 @@ def _waiting(
     wanted = f"/{name.strip('/')}"
     if wanted not in others:
         near = get_close_matches(wanted, others, n=1)
-        known = f"there are {listed(others)}" if others else "there is no other node, either"
+        there_are = "there are" if len(others) > 1 else "there is only"
+        known = f"{there_are} {listed(others)}" if others else "there is no other node, either"
         hint = f"did you mean {near[0]}?" if near else known
         return f"{said}: no node has this name yet; {hint}"
     return f"{said} (the first time, ar_builder compiles its kernels for a minute or two)"

@@ -314,7 +314,7 @@ def inspect_command(
             given_edges=given,
             sensors=sensors_of(topics),
         )
-    for line in inspection_lines(inspection):
+    for line in inspection_lines(inspection, map_file):
         echo(line)
 
 

@@ -440,7 +440,7 @@ def test_who_waits_for_long_is_told_what_for(
     with playing(words, wait_for=("/nobody",)) as run:
         wait_until(lambda: len(run.sentences) > 1, nap)
     first, second = run.sentences[:2]
-    assert first.startswith("waiting for /nobody to listen: no node has this name yet; there ")
+    assert first.startswith("waiting for /nobody to listen: no node has this name yet; there is ")
     assert second.startswith("still waiting for /nobody after ")
     assert "; it is given 600 s: no node has this name yet" in second
 

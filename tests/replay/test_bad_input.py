@@ -77,6 +77,10 @@ def _write_bad_bags(
     for suffix, content in ((".mcap", records), (".db3", records), (".bag", in_ros1)):
         data = write_bag(folder / f"whole_{suffix[1:]}{suffix}", content).read_bytes()
         (folder / f"cut{suffix}").write_bytes(data[: len(data) * 2 // 3])
+        if suffix == ".mcap":
+            middle = len(data) // 2
+            spoiled = bytes(255 - byte for byte in data[middle : middle + 200])
+            (folder / "spoiled.mcap").write_bytes(data[:middle] + spoiled + data[middle + 200 :])
     write_bag(folder / "empty.mcap", [])
     for name, topics in (("no_map", {"/map"}), ("no_tf", {"/tf", "/tf_static"})):
         write_bag(folder / f"{name}.mcap", [one for one in records if one[0] not in topics])
@@ -99,6 +103,7 @@ CASES = (
     (("replay", "text.bag"), "text.bag: its first bytes are not those of a bag"),
     (("replay", "text.db3"), "text.db3: it is no rosbag2 database"),
     (("replay", "cut.mcap"), "cut.mcap: it ends too early"),
+    (("inspect", "spoiled.mcap"), "spoiled.mcap: a part of it is damaged; `mcap recover` may save"),
     (("replay", "cut.bag"), "cut.bag: it ends too early or is damaged; `rosbag reindex`"),
     (("replay", "cut.db3"), "cut.db3: it is "),
     (("replay", "empty/empty.mcap"), "the recording holds no message"),
@@ -163,7 +168,7 @@ CASES = (
     ((*SET, "seed:=[1"), "parameter 'seed': '[1' is no valid YAML: "),
     ((*SET, "seed:=-4"), "parameter 'seed': -4 is below 0"),
     ((*SET, "population.departures:=never"), "'never' is none of independent, constant_rate"),
-    ((*SET, "mixture.weights:=[0.5, 0.5]", "--set", "mixture.rates:=[3]"), "2 weights and 1 rates"),
+    ((*SET, "mixture.weights:=[0.5, 0.5]", "--set", "mixture.rates:=[3]"), "2 weights and 1 rate"),
     (
         (*SET, "mixture.weights:=[0.5, 0.4]", "--set", "mixture.rates:=[3, 5]"),
         "they sum to 0.9, not to 1",

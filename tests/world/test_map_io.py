@@ -146,7 +146,7 @@ def test_an_absolute_image_path_is_taken_as_it_is(tmp_path: Path) -> None:
         ({"resolution": "true"}, "resolution must be a finite number"),
         ({"resolution": "[1]"}, "resolution must be a finite number"),
         ({"resolution": "1" * 400}, "resolution must be a finite number"),
-        ({"resolution": "0"}, "info.resolution is 0.0"),
+        ({"resolution": "0"}, ": resolution is 0.0, it must"),
         ({"origin": "[0, 0]"}, "origin must be three numbers"),
         ({"origin": "3"}, "origin must be three numbers"),
         ({"origin": "[0, 0, .inf]"}, "origin must be a finite number"),

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import MappingProxyType
 
 from are_ros.bag.clock import (
@@ -414,17 +415,22 @@ def _missing_repeats(survey: FrameSurvey, duration_ns: int) -> Iterable[str]:
 # The text of `are inspect`.
 
 
-def inspection_lines(inspection: Inspection) -> list[str]:
-    """Return topics, roles, frames and what is missing, as lines of aligned text."""
+def inspection_lines(inspection: Inspection, map_file: Path | None = None) -> list[str]:
+    """Return topics, roles, frames and what is missing, as lines of aligned text.
+
+    A `map_file` plays the role of the map.
+    """
     duration_s = (inspection.end_ns - inspection.start_ns) / NS_PER_S
     topics = [_topic_cells(entry) for entry in inspection.topics]
-    roles = [(role, _players(inspection, role)) for role in ROLE_TYPES]
+    players = {role: _players(inspection, role) for role in ROLE_TYPES}
+    if map_file is not None:
+        players["map"] = str(map_file)
     missing = inspection.missing or ("nothing: it can be replayed as it is",)
     count = sum(entry.topic.count for entry in inspection.topics)
     return [
         f"{duration_s:.1f} s, {counted(count, 'message')}",
         *section("topics", aligned(topics, numbers=(2, 3))),
-        *section("roles", [*aligned(roles), *inspection.roles.sentences()]),
+        *section("roles", [*aligned(list(players.items())), *inspection.roles.sentences()]),
         *section("frames", [*inspection.frames.tree_lines(), *inspection.frames.oddities]),
         *section("time", list(inspection.time or ("stamps and times of recording agree",))),
         *section("missing", list(missing)),

@@ -280,8 +280,9 @@ def test_both_of_two_depth_cameras_are_inspected(
     inspection = inspected(
         path, overrides={"depth": topics[0]}, sensors={"depth": topics}, map_frame="earth"
     )
-    lines = [line.split() for line in inspection_lines(inspection)]
+    lines = [line.split() for line in inspection_lines(inspection, Path("hall.yaml"))]
     assert ["depth", "/right/depth,", "/left/depth"] in lines
+    assert ["map", "hall.yaml"] in lines
     stray, *lenses = inspection.missing
     assert "nothing joins stray, the frame of /right/depth, to base_link" in stray
     assert [lens.split()[0] for lens in lenses] == list(topics)
