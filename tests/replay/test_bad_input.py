@@ -34,7 +34,11 @@ def shop(
 ) -> Path:
     """Return a folder with bad files of every kind, and a good recording."""
     folder = tmp_path_factory.mktemp("shop")
-    (folder / "good.mcap").write_bytes(sample_bag.read_bytes())
+    good = sample_bag.read_bytes()
+    (folder / "good.mcap").write_bytes(good)
+    middle = len(good) // 2
+    spoiled = bytes(255 - byte for byte in good[middle : middle + 200])
+    (folder / "spoiled.mcap").write_bytes(good[:middle] + spoiled + good[middle + 200 :])
     _write_bad_texts(folder)
     _write_bad_bags(folder, write_bag, sample_records, as_ros1)
     return folder
@@ -77,10 +81,6 @@ def _write_bad_bags(
     for suffix, content in ((".mcap", records), (".db3", records), (".bag", in_ros1)):
         data = write_bag(folder / f"whole_{suffix[1:]}{suffix}", content).read_bytes()
         (folder / f"cut{suffix}").write_bytes(data[: len(data) * 2 // 3])
-        if suffix == ".mcap":
-            middle = len(data) // 2
-            spoiled = bytes(255 - byte for byte in data[middle : middle + 200])
-            (folder / "spoiled.mcap").write_bytes(data[:middle] + spoiled + data[middle + 200 :])
     write_bag(folder / "empty.mcap", [])
     for name, topics in (("no_map", {"/map"}), ("no_tf", {"/tf", "/tf_static"})):
         write_bag(folder / f"{name}.mcap", [one for one in records if one[0] not in topics])
