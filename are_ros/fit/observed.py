@@ -96,8 +96,8 @@ def read_table(path: Path, space: RowSpace) -> ObservedRows:
             columns, lines = _columns(path, _lines(stream))
             for line, cells in lines:
                 if len(cells) <= max(columns.values()):
-                    raise InputError(f"{path.name}, line {line}: it has too few columns")
-                where = f"{path.name}, line {line}"
+                    raise InputError(f"{path}, line {line}: it has too few columns")
+                where = f"{path}, line {line}"
                 row_of, name = (_label_row, _LABEL) if _LABEL in columns else (_number_row, _ROW)
                 row = row_of(where, cells[columns[name]], space)
                 counts[row] += _count(where, cells[columns[_COUNT]] if _COUNT in columns else "1")
@@ -113,10 +113,10 @@ def read_list(path: Path, space: RowSpace) -> ObservedRows:
     except (OSError, ValueError, RecursionError) as cause:
         raise _unreadable(path, cause) from cause
     if not isinstance(content, list):
-        raise InputError(f"{path.name}: it holds no list, but rows are read from one")
+        raise InputError(f"{path}: it holds no list, but rows are read from one")
     counts = np.zeros(space.rows, dtype=np.int64)
     for entry, value in enumerate(content):
-        counts[_entry_row(f"{path.name}, entry {entry}", value, space)] += 1
+        counts[_entry_row(f"{path}, entry {entry}", value, space)] += 1
     return ObservedRows(counts)
 
 
@@ -142,9 +142,9 @@ def _columns(path: Path, lines: Iterator[Line]) -> tuple[dict[str, int], Iterato
             found.pop(_LABEL, None)
         return found, lines
     if any(name and _number(name) is None for name in names) and len(names) > 1:
-        raise InputError(f"{path.name}, line {line}: no column is named '{_ROW}' or '{_LABEL}'")
+        raise InputError(f"{path}, line {line}: no column is named '{_ROW}' or '{_LABEL}'")
     if len(names) > 1:
-        message = f"{path.name}, line {line}: {len(names)} columns, but no header names '{_ROW}'"
+        message = f"{path}, line {line}: {len(names)} columns, but no header names '{_ROW}'"
         raise InputError(message)
     return {_ROW: 0}, chain(((line, cells),), lines) if line else lines
 
@@ -193,10 +193,10 @@ def _unreadable(path: Path, cause: Exception) -> InputError:
     if isinstance(cause, InputError):
         return cause
     if isinstance(cause, json.JSONDecodeError):
-        return InputError(f"{path.name}, line {cause.lineno}: no valid JSON ({cause.msg.lower()})")
+        return InputError(f"{path}, line {cause.lineno}: no valid JSON ({cause.msg.lower()})")
     reason = "not UTF-8 text" if isinstance(cause, UnicodeError) else None
     reason = reason or getattr(cause, "strerror", None) or str(cause)
-    return InputError(f"{path.name} cannot be read ({str(reason).lower()})")
+    return InputError(f"{path} cannot be read ({str(reason).lower()})")
 
 
 # The rows of a recording: random arrivals, by the events and the ground truth.
