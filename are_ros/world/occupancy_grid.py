@@ -197,9 +197,9 @@ def _check_header(source: str, frame_id: str, width: int, height: int, resolutio
         raise InputError(message)
     for field, size in (("width", width), ("height", height)):
         if not 0 < size <= MAX_SIDE:
-            raise InputError(f"{source}: info.{field} is {size}, it must be 1 to {MAX_SIDE} cells")
+            raise InputError(f"{source}: {field} is {size}, it must be 1 to {MAX_SIDE} cells")
     if width * height > MAX_CELLS:
-        sides = f"info.width x info.height is {width} x {height}"
+        sides = f"width x height is {width} x {height}"
         raise InputError(f"{source}: {sides}, it must be at most {MAX_CELLS} cells")
 
 

@@ -59,10 +59,10 @@ def test_the_grid_does_not_change_with_its_message(
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        (lambda m: setattr(m.info, "resolution", 0.0), "info.resolution"),
-        (lambda m: setattr(m.info, "resolution", float("nan")), "info.resolution"),
+        (lambda m: setattr(m.info, "resolution", 0.0), ": resolution is "),
+        (lambda m: setattr(m.info, "resolution", float("nan")), ": resolution is "),
         (lambda m: setattr(m.info, "width", 4), "data has 6 cells"),
-        (lambda m: setattr(m.info, "height", 0), "info.height"),
+        (lambda m: setattr(m.info, "height", 0), ": height is "),
         (lambda m: setattr(m.info.origin.position, "x", float("nan")), "info.origin.position"),
         (lambda m: setattr(m.info.origin.orientation, "w", 0.0), "info.origin.orientation"),
         (lambda m: setattr(m.header, "frame_id", ""), "header.frame_id"),

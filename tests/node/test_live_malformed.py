@@ -63,7 +63,7 @@ def good(role: str, t_s: float) -> Any:
 
 VALUES: Final = [
     ("map", "info.width", 41, "width x height is 41 x 40"),
-    ("map", "info.height", 0, "info.height is 0"),
+    ("map", "info.height", 0, "height is 0"),
     ("map", "info.resolution", NAN, "resolution"),
     ("map", "info.resolution", 0.0, "resolution"),
     ("map", "info.origin.orientation.w", 0.5, "origin"),
