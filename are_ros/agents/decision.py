@@ -359,28 +359,36 @@ class DecisionLayer:
     ) -> None:
         """Find exits for agents that have to be at one when their life ends, if that is soon.
 
-        It is time to go if the value of going there is less after an epoch spent otherwise, by more
-        than the price of that.
+        It is time to go if an epoch spent otherwise makes the way too long to be walked, or the
+        value of going there less by more than a share of the price of time.
         """
         soon = {
             row: way_out
             for row, state in several.items()
             if (way_out := state.repertoire.way_out) is not None
-            and early_s(situations[row]) <= self._settings.max_horizon
+            and (
+                early_s(situations[row]) <= self._settings.max_horizon or state.behaviour is way_out
+            )
         }
         choose_exits([(way_out, situations[row]) for row, way_out in soon.items()], self.hides)
+        waiting = {
+            row: way_out
+            for row, way_out in soon.items()
+            if way_out.exit_m is not None and not way_out.is_time
+        }
         requests = [
             _request(several[row], situations[row], way_out.intent(situations[row]))._replace(
                 left_s=early_s(situations[row])
             )
-            for row, way_out in soon.items()
-            if way_out.exit_m is not None and not way_out.is_time
+            for row, way_out in waiting.items()
         ]
         prospects = self._navigation.prospects(requests, view, robot)
-        for request, prospect in zip(requests, prospects, strict=True):
-            way_out = request.state.repertoire.way_out
-            if way_out is not None:
-                way_out.is_time = self._is_time(request, prospect)
+        for (row, way_out), request, prospect in zip(
+            waiting.items(), requests, prospects, strict=True
+        ):
+            way_out.is_time = way_out.is_late_after(
+                situations[row], self._settings.decision_period
+            ) or self._is_time(request, prospect)
 
     def _is_time(self, request: NavigationRequest, prospect: Prospect) -> bool:
         """Return whether an agent has to set out for its exit now."""

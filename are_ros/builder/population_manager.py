@@ -254,6 +254,14 @@ class PopulationManager:
                 track.postpone(by_ns)
         self._set_rates(now_ns)
 
+    def stand_still(self, from_ns: int, until_ns: int) -> None:
+        """Go on at `until_ns`, as after a pause: nothing in between is simulated."""
+        if not self.is_paused:
+            self.pause(from_ns, is_paused=True)
+            self.pause(until_ns, is_paused=False)
+        self._steps.touch(until_ns)
+        self._steps.begin(until_ns)
+
     def reconfigure(self, parameters: Parameters, resolver: CollisionResolver, now_ns: int) -> None:
         """Use other values of the live parameters from `now_ns` on.
 

@@ -277,6 +277,19 @@ class Simulation:
         self.lives.interrupt(from_ns, until_ns)
         self._now_ns = self._idle_until_ns = until_ns
 
+    def stand_still(self, until_ns: int) -> float:
+        """Go on at `until_ns`; artefacts stand still until then. Return for how long [s].
+
+        For a machine that cannot keep up, and a clock that leaps: nothing of that time is
+        simulated. A leap of hours is left to `advance`.
+        """
+        from_ns = self._now_ns
+        if not from_ns < until_ns <= from_ns + _LEAP_NS:
+            return 0.0
+        self.lives.stand_still(from_ns, until_ns)
+        self._now_ns = self._idle_until_ns = until_ns
+        return (until_ns - from_ns) / NS_PER_S
+
     def _received(self, received_ns: int) -> None:
         """Process what is due before an input."""
         self.advance(received_ns)

@@ -5,7 +5,7 @@ import os
 import pickle
 import subprocess
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from typing import IO, Any, Final
@@ -337,15 +337,26 @@ class _Scene:
 
 
 def _tame(catalogue: Catalogue) -> Catalogue:
-    """Return a catalogue whose rows walk in place of what behaviours of the user's own would do."""
-    rows = []
-    for row in catalogue.rows:
-        shares = dict.fromkeys([name for name in row.behaviours if ":" not in name], 0.0)
-        for name, share in row.behaviours.items():
-            known = "walking" if ":" in name else name
-            shares[known] = shares.get(known, 0.0) + share
-        rows.append(replace(row, behaviours=shares))
-    return Catalogue(tuple(rows))
+    """Return a catalogue whose rows have no behaviours and planners of the user's own."""
+    return Catalogue(
+        tuple(
+            replace(
+                row,
+                behaviours=_known(row.behaviours, "walking"),
+                planners=_known(row.planners, "dynamic_window"),
+            )
+            for row in catalogue.rows
+        )
+    )
+
+
+def _known(shares: Mapping[str, float], instead: str) -> dict[str, float]:
+    """Return shares by name, with another name in place of classes of the user's own."""
+    known = dict.fromkeys([name for name in shares if ":" not in name], 0.0)
+    for name, share in shares.items():
+        own = instead if ":" in name else name
+        known[own] = known.get(own, 0.0) + share
+    return known
 
 
 def _let_walk(builder: ArBuilder, catalogue: Catalogue, now_ns: int) -> None:

@@ -353,7 +353,7 @@ def behaviour_lines(probabilities: Numbers, catalogue: Catalogue, *, of_rows: bo
         for group in alike if len(alike) > 1 else ():
             chance = float(probabilities[[row.index for row in group]].sum())
             rows += _habits(f"  {_span(group)}", chance, dict(group[0].behaviours))
-    return section("Behaviours, one for each life", aligned(rows, numbers=(1,)))
+    return section("Behaviours, the shares by which they are drawn", aligned(rows, numbers=(1,)))
 
 
 def catalogue_lines(probabilities: Numbers, catalogue: Catalogue) -> list[str]:

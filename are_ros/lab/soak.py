@@ -121,6 +121,7 @@ def _open_points(environment: Environment, radius_m: float) -> npt.NDArray[np.fl
 _NOTHING_SHOWN = Demand(perception=False, grids=False, markers=False)
 _WAY_STEP_S = 0.5
 _LONGEST_EMPTY_S = 60.0
+_LONGEST_BLOCKED_S = 600.0
 _ALONG_AXIS_RAD = math.radians(5.0)
 
 
@@ -270,6 +271,12 @@ class SoakRun:
         tick = self.builder.step(now_ns)
         if self.now_s > _LONGEST_EMPTY_S and not self.builder.lives.area_m2:
             raise MapError("the map has no room for anybody where the robot can go")
+        blocked = self.builder.lives.population.counts.blocked
+        if blocked and self.now_s > _LONGEST_BLOCKED_S and not self.judge.verdict.artefact_s:
+            raise MapError(
+                f"the map has too little room: in {self.now_s:.0f} s none of "
+                f"{counted(blocked, 'arrival')} found a place beside the robot"
+            )
         jumped = _named(tick, EventKind.DISPLACED)
         self._touching |= _named(tick, EventKind.ROBOT_CONTACT)
         robot = self._robot

@@ -14,6 +14,7 @@ from are_ros.agents.events import (
     SceneMetrics,
 )
 from are_ros.builder.scene import Scene, Status, features_of
+from are_ros.conventions import NS_PER_S
 from are_ros.messages.cdr import CdrWriter
 from are_ros.population.artefact import Artefact
 
@@ -80,6 +81,10 @@ def _numbers(scene: Scene) -> npt.NDArray[np.float64]:
     return numbers
 
 
+_LATEST_NS: Final = (2**31 - 1) * NS_PER_S
+"""The last whole second that a Time holds, in 2038."""
+
+
 def _tail(artefact: Artefact, status: Status) -> bytes:
     """Return what stands behind the numbers."""
     departure_ns, behaviour, activity, planner = status
@@ -87,7 +92,7 @@ def _tail(artefact: Artefact, status: Status) -> bytes:
     writer = CdrWriter()
     writer.text(behaviour)
     writer.time(artefact.arrival_ns)
-    writer.time(departure_ns or 0)
+    writer.time(min(departure_ns or 0, _LATEST_NS))
     writer.byte(artefact.origin)
     writer.count(len(features))
     for key, value in features.items():

@@ -108,6 +108,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             return _FAILED
         except Exception:  # rclpy swallows it without a word
             self.get_logger().error(f"configure failed:\n{format_exc()}")
+            self._close()
             raise
         return _DONE
 

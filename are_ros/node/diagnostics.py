@@ -106,6 +106,8 @@ class PopulationSnapshot:
     """Artefacts without a feasible pose; not part of `arrivals`."""
     is_map_closed: bool = False
     """There is a map, but no free cell in it."""
+    is_robot_shut_in: bool = False
+    """The robot's pose is known, and nobody can arrive: no free cell is connected with it."""
 
 
 @dataclass(frozen=True)
@@ -365,6 +367,12 @@ def _population(snapshot: NodeSnapshot) -> Status:
     if counts.is_map_closed:
         message = "the map has no free cell: nobody can arrive"
         return Status(Level.WARN, "population", message, values)
+    if counts.is_robot_shut_in:
+        message = (
+            "nobody can arrive: the robot stands on no free cell of the map, by its pose in tf; "
+            "is it localised? (population.region: free does without its pose)"
+        )
+        return Status(Level.WARN, "population", message, values)
     if share is not None and share > _BLOCKED_SHARE and offered >= _FEWEST_ARRIVALS:
         message = (
             f"{counts.blocked_lately} of {offered} that were to arrive in the last minute found "
@@ -512,6 +520,7 @@ class Reporter:
         counts = lives.population.counts
         self._arrived.update(now_ns, counts.arrived)
         self._blocked.update(now_ns, counts.blocked)
+        has_free_cells, is_placed = builder.world.has_free_cells, not builder.robots.missing
         return PopulationSnapshot(
             alive=len(lives.population.living),
             arrivals=counts.arrived,
@@ -520,7 +529,8 @@ class Reporter:
             displaced=lives.crowd.counts.displaced,
             arrivals_lately=self._arrived.growth(now_ns),
             blocked_lately=self._blocked.growth(now_ns),
-            is_map_closed=builder.world.grid is not None and not builder.world.has_free_cells,
+            is_map_closed=builder.world.grid is not None and not has_free_cells,
+            is_robot_shut_in=is_placed and has_free_cells and not lives.area_m2,
         )
 
     def _sensors(self, live: LiveBuilder, now_ns: int) -> Iterator[SensorSnapshot]:

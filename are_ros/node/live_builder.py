@@ -18,7 +18,7 @@ from are_ros.messages.goals import read_clicked_point
 from are_ros.messages.maps import encode_grid, read_grid
 from are_ros.messages.sensors import SENSORS, SensorOutputs, sensor_topics
 from are_ros.messages.tick_encoding import ALL_OUTPUTS, OCTOMAP, TickEncoder
-from are_ros.node.watches import CallbackTimer, FaultWatch, TickWatch
+from are_ros.node.watches import MINUTE_NS, CallbackTimer, FaultWatch, TickWatch
 from are_ros.parameters.choices import CostmapGate, SensorGate
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue
@@ -28,6 +28,9 @@ from are_ros.world.rigid_transform import RigidTransform
 
 _BACKLOG_NS: Final = NS_PER_S
 """Ticks that are later than this are left out: the machine cannot keep up, or time leapt."""
+_MOST_MISSED_NS: Final = 5 * NS_PER_S
+"""Time that the node has missed is simulated afterwards, up to this; beyond it, artefacts stand
+still instead: else each standstill would take longer than the one before."""
 _LATCHED: Final = ("map", "octomap_point_cloud_centers", "tf_static")
 _COSTLY: Final = ("map", "octomap_point_cloud_centers")
 """These take long to process: they are processed on arrival, not before the next tick."""
@@ -103,6 +106,7 @@ class LiveBuilder:
         self._stored: deque[_Stored] = deque()
         self._schedule: TickSchedule | None = None
         self._now_ns = 0
+        self._said_ns: int | None = None
         self._look_ns: int | None = None
         self._has_prepared = False
         self._views: list[ViewModel] = []
@@ -354,9 +358,24 @@ class LiveBuilder:
                 self._sink.publish(name, data)
 
     def _follow_clock(self, now_ns: int) -> None:
-        """Begin the ticks anew when the clock has jumped back, as the builder does."""
+        """Begin the ticks anew when the clock has jumped back, as the builder does.
+
+        Where it is far ahead, let the artefacts stand still for the time in between.
+        """
         if now_ns < self._now_ns - CLOCK_JITTER_NS:
             self._schedule = None
         elif now_ns < self._now_ns:
             return
+        elif self.is_running and now_ns > self._now_ns + _MOST_MISSED_NS:
+            self._stand_still(now_ns)
         self._now_ns = now_ns
+
+    def _stand_still(self, now_ns: int) -> None:
+        """Let the artefacts stand still up to now, and say so, once a minute at most."""
+        missed_s, wall_ns = self.builder.stand_still(now_ns), monotonic_ns()
+        if missed_s and (self._said_ns is None or wall_ns >= self._said_ns + MINUTE_NS):
+            self._said_ns = wall_ns
+            self.builder.notices.append(
+                f"the artefacts stood still for {missed_s:.1f} s: the machine did not keep up (see "
+                "`answers` in the diagnostics), or the clock leapt"
+            )

@@ -12,7 +12,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 from rclpy.serialization import deserialize_message
 
-from are_ros.errors import AreError, InputError, NodeError
+from are_ros.errors import InputError, NodeError, ParameterError
 from are_ros.messages.feed import OTHER_CAMERA
 from are_ros.messages.sensors import CAMERA_INFO, SENSORS, SensorOutputs, lens_topics
 from are_ros.messages.tick_encoding import OUTPUTS, OutputTopic
@@ -116,7 +116,7 @@ class Subscriptions:
             for topic in lens_topics(self.roles).values():
                 if topic not in self.roles:
                     self._open(CAMERA_INFO, topic, say)
-        except AreError:
+        except BaseException:
             self.close()
             raise
 
@@ -177,6 +177,9 @@ class Subscriptions:
 
     def _open(self, role: str, topic: str, say: Callable[[str], None]) -> None:
         asked = topic or INPUTS[role].topic or role
+        known = self.roles.get(self._resolved(asked))
+        if known is not None:
+            raise ParameterError(f"topic '{asked}' is given twice, for {known} and for {role}")
         try:
             subscription = self._subscribed(role, asked)
         except NodeError as cause:
@@ -195,7 +198,7 @@ class Subscriptions:
                 profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
             # Without a callback rclpy warns; `follow_publishers` adapts the subscription.
             options["event_callbacks"] = SubscriptionEventCallbacks(incompatible_qos=lambda _: None)
-        name = self._node.resolve_topic_name(topic)
+        name = self._resolved(topic)
         type_name = input_type(role, topic)
 
         def take(data: bytes) -> None:
@@ -203,6 +206,14 @@ class Subscriptions:
             self._store(WireMessage(name, type_name, data))
 
         return subscribe(self._node, role, take, topic, **options)
+
+    def _resolved(self, topic: str) -> str:
+        """Return the full name of a topic; ParameterError if it is none."""
+        try:
+            return str(self._node.resolve_topic_name(topic))
+        except RuntimeError as cause:  # RCLError
+            reason = str(cause).partition(", at /")[0].rpartition("failed to resolve name: ")[2]
+            raise ParameterError(f"'{topic}' cannot be a topic: {reason}") from cause
 
 
 # The outputs.
@@ -233,7 +244,7 @@ class Publishers:
         try:
             for name, type_name in types.items():
                 self._advertise(name, type_name, say)
-        except AreError:
+        except BaseException:
             self.close()
             raise
 

@@ -42,6 +42,8 @@ class Following:
     def __init__(self, leader_id: int | None = None) -> None:
         """Follow any artefact; with `leader_id`, only that one."""
         self._only_id = leader_id
+        kind = type(self)
+        self._followers = {Following.name, f"{kind.__module__}:{kind.__qualname__}"}
         self._walk = Walking()
         self._leader_id: int | None = None
         self._left_id: int | None = None
@@ -103,7 +105,7 @@ class Following:
         return situation.nearest(radius_m, lambda one: self._may_lead(one, situation))
 
     def _may_lead(self, neighbour: Neighbour, situation: Situation) -> bool:
-        is_free = neighbour.behaviour != self.name or neighbour.id < situation.me.id
+        is_free = neighbour.behaviour not in self._followers or neighbour.id < situation.me.id
         moves = _IS_STANDING_MPS < neighbour.speed_mps <= _fastest_mps(situation)
         is_left = (
             neighbour.id == self._left_id and situation.now_ns < self._left_ns + _LEFT_ALONE_NS

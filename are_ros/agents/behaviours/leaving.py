@@ -99,8 +99,15 @@ class WalkingOut:
         if self.exit_m is None:
             return stand("no way out")
         if situation.distance_m(self.exit_m) <= arrival_m(situation):
-            return stand("at the exit")
+            return stand("at the exit" if _is_at_exit(situation) else "out of sight")
         return self.intent(situation)
+
+    def is_late_after(self, situation: Situation, wait_s: float) -> bool:
+        """Return whether the exit is too far to walk there after a while [s] spent otherwise."""
+        motion = situation.row.motion
+        speed_mps = motion.speed_mps * min(1.0, motion.running_factor / _DETOUR)
+        left_s = early_s(situation) - wait_s
+        return self.exit_m is not None and situation.distance_m(self.exit_m) > speed_mps * left_s
 
     def intent(self, situation: Situation) -> Intent:
         """Return the intent to walk to the exit."""
@@ -129,7 +136,8 @@ def choose_exits(leaving: Sequence[tuple[WalkingOut, Situation]], hides: Hides) 
     hidden_m: dict[Destinations, tuple[list[Point], list[Point]]] = {}
     for way_out, situation in leaving:
         last_m, places = way_out.exit_m, situation.places
-        if last_m is not None and situation.distance_m(last_m) <= _way_m(situation, EARLY_S):
+        spare_s = 0.0 if way_out.is_time else EARLY_S  # who has set out goes on while it may arrive
+        if last_m is not None and situation.distance_m(last_m) <= _way_m(situation, spare_s):
             continue
         if places not in hidden_m:
             hidden_m[places] = (

@@ -134,7 +134,7 @@ class ValueTables:
     ) -> None:
         """Take the longest trip and horizon [epochs], beyond those that a decision looks ahead.
 
-        A window is two longest trips wide.
+        A window is two longest trips wide; that of a trip that is longer is the whole map.
 
         If the epochs of a horizon cost less than the turns of a type, it stands rather than turns.
         `budget_bytes` bounds the tables that are kept, but for the newest one; `kept_bytes` bounds
@@ -174,7 +174,7 @@ class ValueTables:
             return None
         if not coarse.holds(*goal_m):
             goal_m = coarse.anchor_of(goal)
-        window, table = self._window(coarse, goal), None
+        window, table = self._window(coarse, goal, start), None
         if start is not None and _cells_in(window) > SHARED_CELLS:
             left = self._horizon if epochs_left is None else min(epochs_left, self._horizon)
             table = self._of_part(coarse, model, goal, window, start, goal_m, left)
@@ -238,9 +238,11 @@ class ValueTables:
             goal_m=goal_m,
         )
 
-    def _window(self, coarse: CoarseMap, goal: Cell) -> Window:
-        reach = math.ceil(self._max_trip_m / coarse.cell_size_m)
-        return _part(((0, 0), coarse.shape), goal, goal, reach)
+    def _window(self, coarse: CoarseMap, goal: Cell, start: Cell | None) -> Window:
+        """Return the cells about a goal; all cells for a start that is not among them."""
+        whole: Window = (0, 0), coarse.shape
+        window = _part(whole, goal, goal, math.ceil(self._max_trip_m / coarse.cell_size_m))
+        return window if start is None or _holds(window, start) else whole
 
 
 def swept(table: ValueTable, epochs_left: int) -> ValueTable:

@@ -209,19 +209,21 @@ def test_a_part_that_may_miss_the_best_way_is_not_taken(monkeypatch: pytest.Monk
         assert (table.costs.size == whole.costs.size) == is_far
 
 
-def test_who_starts_beyond_the_longest_trip_has_the_table_of_the_whole_window(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize("shared_cells", [64, 10**6])
+def test_who_starts_beyond_the_longest_trip_finds_its_way_all_the_same(
+    monkeypatch: pytest.MonkeyPatch, shared_cells: int
 ) -> None:
-    """It is not reached from there, on no side of the goal."""
-    monkeypatch.setattr(value_tables, "SHARED_CELLS", 64)
+    """From each side of the goal, and at the cost that a table of the whole map has."""
+    monkeypatch.setattr(value_tables, "SHARED_CELLS", shared_cells)
     coarse = CoarseMap(terrain_of(np.zeros((400, 400), np.bool_)), 0.25)
     for far_m in (1.0, 19.0):
         start = coarse.cell_of(far_m, far_m)
         assert start is not None
         table = ValueTables(5, max_trip_m=3.0).value(coarse, WALKER, (10.0, 10.0), start)
+        whole = ValueTables(5).value(coarse, WALKER, (10.0, 10.0))
         assert table is not None
-        assert table.costs.shape == (13, 13)
-        assert not table.reaches(start)
+        assert whole is not None
+        assert table.cost(start) == whole.cost(start) < math.inf
 
 
 def test_the_table_of_a_trip_ends_with_the_life_and_goes_on_if_that_does(
