@@ -282,7 +282,7 @@ class DecisionLayer:
             for row in situations
             if (state := self._table.states[row]) is not None and len(state.repertoire) > 1
         }
-        self._find_exits(several, situations, view, robot)
+        self._find_exits(situations, view, robot)
         travelling = {
             row: _request(state, situations[row], intent)
             for row, state in several.items()
@@ -351,44 +351,40 @@ class DecisionLayer:
         return [by_row.get(row) or known[row][1] for row in requests]
 
     def _find_exits(
-        self,
-        several: Mapping[int, AgentState],
-        situations: Mapping[int, Situation],
-        view: AgentSnapshot,
-        robot: RobotView | None,
+        self, situations: Mapping[int, Situation], view: AgentSnapshot, robot: RobotView | None
     ) -> None:
-        """Find exits for agents that have to be at one when their life ends, if that is soon.
+        """Find exits for agents that walk out, or have to be at one soon, when their life ends.
 
         It is time to go if an epoch spent otherwise makes the way too long to be walked, or the
         value of going there less by more than a share of the price of time.
         """
-        soon = {
-            row: way_out
-            for row, state in several.items()
-            if (way_out := state.repertoire.way_out) is not None
-            and (
-                early_s(situations[row]) <= self._settings.max_horizon or state.behaviour is way_out
-            )
-        }
-        choose_exits([(way_out, situations[row]) for row, way_out in soon.items()], self.hides)
-        waiting = {
-            row: way_out
-            for row, way_out in soon.items()
-            if way_out.exit_m is not None and not way_out.is_time
-        }
+        settings, leaving = self._settings, list[tuple[AgentState, WalkingOut, Situation]]()
+        for row, situation in situations.items():
+            state = self._table.states[row]
+            if state is None or (way_out := state.repertoire.way_out) is None:
+                continue
+            if state.behaviour is way_out or early_s(situation) <= settings.max_horizon:
+                leaving.append((state, way_out, situation))
+        choose_exits([(way_out, situation) for _, way_out, situation in leaving], self.hides)
+        waiting = [
+            (state, way_out, situation)
+            for state, way_out, situation in leaving
+            if early_s(situation) <= settings.max_horizon
+            and way_out.exit_m is not None
+            and not way_out.is_time
+        ]
         requests = [
-            _request(several[row], situations[row], way_out.intent(situations[row]))._replace(
-                left_s=early_s(situations[row])
+            _request(state, situation, way_out.intent(situation))._replace(
+                left_s=early_s(situation)
             )
-            for row, way_out in waiting.items()
+            for state, way_out, situation in waiting
         ]
         prospects = self._navigation.prospects(requests, view, robot)
-        for (row, way_out), request, prospect in zip(
-            waiting.items(), requests, prospects, strict=True
+        for (_, way_out, situation), request, prospect in zip(
+            waiting, requests, prospects, strict=True
         ):
-            way_out.is_time = way_out.is_late_after(
-                situations[row], self._settings.decision_period
-            ) or self._is_time(request, prospect)
+            is_late = way_out.is_late_after(situation, settings.decision_period)
+            way_out.is_time = is_late or self._is_time(request, prospect)
 
     def _is_time(self, request: NavigationRequest, prospect: Prospect) -> bool:
         """Return whether an agent has to set out for its exit now."""

@@ -81,8 +81,8 @@ def _numbers(scene: Scene) -> npt.NDArray[np.float64]:
     return numbers
 
 
-_LATEST_NS: Final = (2**31 - 1) * NS_PER_S
-"""The last whole second that a Time holds, in 2038."""
+_LATEST_NS: Final = 2**31 * NS_PER_S - 1
+"""The latest time that a builtin_interfaces/Time holds, in 2038."""
 
 
 def _tail(artefact: Artefact, status: Status) -> bytes:

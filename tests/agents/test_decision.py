@@ -516,6 +516,37 @@ def test_it_is_time_to_walk_out_when_the_value_falls_with_the_time(loss: float, 
     assert (town.table.artefacts[0].behaviour == "leaving") == goes
 
 
+def test_one_sets_out_while_it_can_still_walk_to_its_exit() -> None:
+    """However little running would cost: 5 m at 1.3 m/s, and 5 s to spare."""
+    town = _town_of_one_who_leaves(30.0)
+    _watched(town, ())
+    town.ways.values = np.zeros((2, 5))
+    one, seen = town.table.artefacts[0], list[str]()
+    for second in range(29):
+        town.decide(20 * second)
+        seen.append(one.behaviour)
+        assert _exit_of_one(town) == PLACES_M["exit"]
+        if one.behaviour == "leaving":
+            town.x_m -= min(town.x_m, 1.3)
+    assert 29 - seen.count("leaving") == pytest.approx(30 - 5 - 5 / 1.3, abs=1.01)
+    assert town.x_m == 0.0
+
+
+def test_a_row_that_leaves_by_itself_walks_to_an_exit_at_once() -> None:
+    """It waits there for the end of its life, which is long after."""
+    town = Town()
+    town.x_m = PLACES_M["here"][0]
+    town.ways.places = Destinations(np.array([PLACES_M["east"]]), np.array([PLACES_M["exit"]]))
+    town.layer.by_exit = True
+    row = replace(ROW, behaviours={"leaving": 1.0})
+    one = town.admit(1, 0, "leaving", row, may_change=True)
+    one.departure_ns = 600 * NS_PER_S
+    _watched(town, ())
+    for second in range(3):
+        town.decide(20 * second)
+    assert _exit_of_one(town) == PLACES_M["exit"]
+
+
 def test_who_walks_out_is_not_tempted_back() -> None:
     """By a destination that it could still reach: that would be worth much at the end of a life."""
     town = _town_of_one_who_leaves(30.0)

@@ -162,8 +162,12 @@ def test_behaviours_of_the_users_own_have_no_part_in_the_rehearsal() -> None:
     """One that cannot even be made fails nobody before somebody has arrived."""
     motion = MotionLimits(1.0, 1.5, 3.0)
     shares = {"walking": 0.25, "standing": 0.25, "tests.agents.behaviours.failing:Unmade": 0.5}
+    planners = {"tests.agents.behaviours.failing:Unmade": 1.0}
     box = ((0.3, 0.5, 1.7), (0.0, 0.0, 0.0), Shape.PERSON)
-    row = CatalogueRow(0, "guest", "person", *box, motion=motion, behaviours=shares)
+    row = CatalogueRow(
+        0, "guest", "person", *box, motion=motion, behaviours=shares, planners=planners
+    )
     assert warm_up(Catalogue((row,)), ALL)
     (tame,) = module._tame(Catalogue((row,))).rows
     assert tame.behaviours == {"walking": 0.75, "standing": 0.25}
+    assert tame.planners == {"dynamic_window": 1.0}

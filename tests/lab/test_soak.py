@@ -151,6 +151,12 @@ def test_where_nobody_lives_nothing_is_judged() -> None:
         soaked(room(0.4), 1.0, parameters(0.01))
 
 
+def test_where_nobody_finds_a_place_it_ends_and_says_so() -> None:
+    """After ten minutes of blocked arrivals: there is room for the robot, and for nobody beside."""
+    with pytest.raises(MapError, match=r"in 600 s none of \d+ arrivals found a place"):
+        soaked(room(1.2), 1.0, parameters(0.1))
+
+
 def test_resolved_collisions_excuse_as_many_brakings() -> None:
     """One more braking than resolutions is a fault."""
     result = soak(room(), parameters(0.02, **PEOPLE), CATALOGUE, longest_s=1.0)

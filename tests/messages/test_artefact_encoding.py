@@ -192,6 +192,17 @@ def test_rclpy_reads_it(both_readings: Callable[[bytes, str], tuple[Any, Any]]) 
         assert [artefact["label"] for artefact in by_rclpy["artefacts"]] == ["", "x"][:count]
 
 
+def test_a_life_that_ends_after_2038_ends_as_late_as_a_time_can(
+    both_readings: Callable[[bytes, str], tuple[Any, Any]],
+) -> None:
+    """Its seconds are an int32."""
+    forty_years_ns = 40 * 366 * 86_400 * 10**9
+    late = replace(ARTEFACT, arrival_ns=forty_years_ns, departure_ns=2 * forty_years_ns)
+    data = ArtefactEncoder().encode("map", 9, Scene.of([late], 0))
+    (artefact,) = both_readings(data, ARRAY)[0]["artefacts"]
+    assert artefact["departure"] == {"sec": f"{2**31 - 1}.0", "nanosec": "999999999.0"}
+
+
 def test_the_constants_are_those_of_the_core() -> None:
     """Names and numbers of the enum are those of the message."""
     constants = {n: v for n, _, v in jazzy_typestore().fielddefs["are_msgs/msg/Artefact"][0]}

@@ -264,6 +264,38 @@ def test_late_ticks_are_run_up_to_a_second_and_then_skipped(rig: Rig) -> None:
     assert rig.live.watch.late_count == 9 + 9
 
 
+def test_after_a_long_standstill_nothing_of_it_is_simulated(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Artefacts stand where they were, lives go on with what was left of them; it is said once.
+
+    Else each turn would take longer than the one before, on a machine that cannot keep up.
+    """
+    request = SpawnRequest("map", RigidTransform.planar(2.05, 2.05, 0.0), "post", life_ns=ns(60.0))
+    rig.live.requests.spawn(request, ns(10.05))
+    rig.work(10.2)
+    crowd, steps = rig.live.builder.lives.crowd, list[int]()
+    (before,) = rig.outlet.take("artefacts")[-1].artefacts
+    sub_step = crowd.step
+
+    def step(t_ns: int, *rest: Any) -> None:
+        steps.append(t_ns)
+        sub_step(t_ns, *rest)
+
+    monkeypatch.setattr(crowd, "step", step)
+    for t_s in (400.0, 420.0, 421.0):
+        rig.store("tf", robot_at(t_s), t_s)
+        rig.work(t_s)
+    (after,) = rig.outlet.take("artefacts")[-1].artefacts
+    assert (after.id, after.pose) == (before.id, before.pose)
+    lost_s = 400.0 - 10.2 + 420.0 - 400.0
+    assert after.departure.sec == pytest.approx(10.05 + 60.0 + lost_s, abs=1.0)
+    assert min(steps) >= ns(400.0)
+    assert len(steps) <= 2 + 20
+    (said,) = (one for one in rig.live.take_notices() if "stood still" in one)
+    assert said.startswith("the artefacts stood still for 389.8 s: the machine did not keep up")
+
+
 def test_a_turn_is_named_after_what_was_done_in_it(make_rig: MakeRig) -> None:
     """A map and a camera are made ready, before a tick needs them; the rest has its own names.
 

@@ -79,6 +79,28 @@ def test_a_failing_configure_can_be_repaired(
     assert bench.state() == "active"
 
 
+@pytest.mark.parametrize(
+    ("topics", "sentence"),
+    [
+        (["front-laser/scan"], "'front-laser/scan' cannot be a topic: topic name must not contain"),
+        (["9lives"], "'9lives' cannot be a topic: topic name token must not start with a number"),
+        (["/scan"], "topic '/scan' is given twice, for scan and for range"),
+    ],
+)
+def test_a_topic_that_cannot_be_fails_at_configure(
+    make_bench: MakeBench, topics: list[str], sentence: str
+) -> None:
+    """In one sentence; nothing is left open, and each scan goes out once when it is put right."""
+    bench = make_bench({"sensors.ranges": topics})
+    assert not bench.change_state("configure")
+    (said,) = bench.warnings()
+    assert said.startswith(sentence)
+    bench.until(lambda: bench.user.count_subscribers("/scan") == 0)
+    assert bench.set(sensors__ranges=[""]) == ""
+    assert bench.change_state("configure")
+    bench.until(lambda: bench.user.count_subscribers("/scan") == 1)
+
+
 def test_a_mixture_that_the_catalogue_cannot_take_fails_at_configure(make_bench: MakeBench) -> None:
     """It is only known then how many rows there are."""
     bench = make_bench({"mixture.rates": [15.0]})

@@ -176,6 +176,24 @@ def test_two_followers_do_not_follow_each_other() -> None:
     assert alone(Actor(2, Following(), (0.0, 0.0)), neighbours=[older]).activity == "walking"
 
 
+class Tailing(Following):
+    """A follower of a user's own."""
+
+    name = "tailing"
+
+
+def test_followers_of_a_users_own_class_do_not_follow_each_other_either() -> None:
+    """Their behaviour is called by module and class, whatever their `name` is."""
+    key = f"{Tailing.__module__}:{Tailing.__qualname__}"
+    for kind, behaviour in ((Tailing, key), (Tailing, "following"), (Following, "following")):
+        follower = Actor(1, kind(), (-4.0, 0.0))
+        other = fellow_at((0.0, 0.0), velocity_mps=(0.5, 0.0))
+        older = other._replace(id=9, behaviour=behaviour)
+        assert not alone(follower, neighbours=[older]).activity.startswith("following artefact ")
+        walker = other._replace(id=9, behaviour="walking")
+        assert alone(follower, neighbours=[walker], now_s=1.0).activity == "following artefact 9"
+
+
 def test_a_chain_of_followers_moves_with_a_walker() -> None:
     """On the stage three follow one who walks, and are near it most of the time."""
     actors = [Actor(0, Walking(), (0.0, 0.0))]
