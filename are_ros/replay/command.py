@@ -221,7 +221,8 @@ def complaints(outcome: Outcome) -> list[str]:
         passed = counted(outcome.scans[topic].passed_through, noun_of(role))
         lines.append(f"{topic}: {passed} passed through unaugmented, the last for: {problem}")
         is_of_time = CLOCKS_DIFFER in problem or WITHOUT_STAMP in problem
-        if not _is_bare(outcome.scans[topic]) or is_of_time:
+        is_of_frames = any(word in problem for word in ("frame", "transform", "CameraInfo"))
+        if is_of_time or not is_of_frames or not _is_bare(outcome.scans[topic]):
             continue
         if topic in outcome.apart or any(name in problem for name in outcome.apart):
             lines[-1] += "; no --static-tf helps: its stamps and those of the transforms differ"

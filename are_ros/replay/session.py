@@ -226,6 +226,8 @@ def _say_what_is_missing(options: ReplayOptions, roles: RolesFound, say: Say) ->
     for sentence in roles.sentences(silent=[*named, *given]):
         say(sentence)
     if roles.topic("map") is None and options.map_file is None:
+        if roles.to_choose(("map",)):
+            raise BagError("several topics could be the map: give --topic map:=/NAME")
         raise BagError(WITHOUT_MAP)
 
 
@@ -311,11 +313,29 @@ def _what_joins(reader: BagReader, builder: ArBuilder, roles: RolesFound) -> str
     if root == map_frame or not builder.frames.has_frame(base):
         options = "--static-tf, --map-frame or --set frames.base:=NAME"
         return f"see `are inspect BAG`, and give what is missing with {options}"
-    if known := option_of_poses(reader, roles, map_frame, root, base):
-        return known
     return (
-        f"see `are inspect BAG`, and give {static_tf_option(map_frame, root)}, which `are align`"
-        " finds by the scans, or the map's frame with --map-frame"
+        _option_of_odometry(reader, roles, parents, (map_frame, root))
+        or option_of_poses(reader, roles, map_frame, root, base)
+        or f"see `are inspect BAG`, and give {static_tf_option(map_frame, root)}, which `are "
+        "align` finds by the scans, or the map's frame with --map-frame"
+    )
+
+
+def _option_of_odometry(
+    reader: BagReader, roles: RolesFound, parents: Mapping[str, str], roots: tuple[str, str]
+) -> str:
+    """Return the option that lets odometry join map and base, if other transforms overrule it."""
+    topic = roles.topic("odom")
+    first = None if topic is None else reader.first(topic)
+    if first is None:
+        return ""
+    odometry = reader.deserialize(first)
+    ends = odometry.header.frame_id.lstrip("/"), odometry.child_frame_id.lstrip("/")
+    if tuple(root_above(end, parents) for end in ends) != roots:
+        return ""
+    return (
+        f"odometry says where {ends[1]} is in {ends[0]}, and {parents[ends[1]]} -> {ends[1]} in tf "
+        f"overrules it; --set frames.odometry:=use --set frames.base:={ends[1]} lets it hold"
     )
 
 

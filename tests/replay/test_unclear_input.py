@@ -456,6 +456,55 @@ def test_a_map_that_comes_late_is_told_with_what_helps(
         assert (said in done.stdout + done.stderr) == (late_s == 3)
 
 
+def test_an_odometry_that_a_fixed_joint_overrules_names_the_parameter(
+    run_are: RunAre,
+    write_bag: WriteBag,
+    sample_records: Records,
+    factory: RosbagsFactory,
+    tmp_path: Path,
+) -> None:
+    """Its child is below the root of the robot's description; with the parameter it holds."""
+    records = [
+        (topic, at_ns, copy.deepcopy(message))
+        for topic, at_ns, message in sample_records
+        if topic != "/tf"
+    ]
+    joint = factory.make("geometry_msgs/msg/TransformStamped", child_frame_id="chassis")
+    joint.header.frame_id, joint.transform.rotation.w = "base_footprint", 1.0
+    for topic, _, message in records:
+        if topic == "/odom":
+            message.child_frame_id = "chassis"
+        elif topic == "/tf_static":
+            for mount in message.transforms:
+                if mount.header.frame_id == "base_footprint":
+                    mount.header.frame_id = "chassis"
+            message.transforms = [*message.transforms, joint]
+    bag = write_bag(tmp_path / "bag.mcap", records)
+    words = ("replay", bag, "--static-tf", "1.15 5.83 0 -0.08 0 0 map odom")
+    failed = run_are(*words, "--out", tmp_path / "failed")
+    assert failed.returncode == 1
+    said = "odometry says where chassis is in odom, and base_footprint -> chassis in tf overrules"
+    assert said in failed.stderr
+    options = "--set frames.odometry:=use --set frames.base:=chassis"
+    assert f"{options} lets it hold" in failed.stderr
+    done = run_are(*words, *options.split(), "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+
+
+def test_two_costmaps_are_no_missing_map(
+    run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path
+) -> None:
+    """One has to be chosen."""
+    records = [
+        (name, at_ns, message)
+        for topic, at_ns, message in sample_records
+        for name in (("/local/costmap", "/global/costmap") if topic == "/map" else (topic,))
+    ]
+    done = run_are("replay", write_bag(tmp_path / "bag.mcap", records), "--out", tmp_path / "out")
+    assert done.returncode == 1
+    assert "several topics could be the map: give --topic map:=/NAME" in done.stderr
+
+
 def test_poses_on_the_map_stand_in_for_its_transform(
     run_are: RunAre,
     write_bag: WriteBag,

@@ -173,14 +173,15 @@ class ScanPairs(Pairs):
     ) -> Changes:
         self.pixels += real.numbers.size
         fault, which, unreturned = changed_pixels(real, output)
-        info = self.infos.get(info_topic(source))
+        info, is_rectified = self.infos.get(info_topic(source)), "rect" in name_parts(source)[1]
+        if info is not None and not self._fits(info, real, rectified=is_rectified):
+            info = None
         if info is not None:
-            is_rectified = "rect" in name_parts(source)[1]
             self.kept_depths.add(DepthPair(topic, real, output, info, is_rectified))
             if not _are_alike(info, self.infos.get(info_topic(topic))):
                 fault = fault or "has a CameraInfo beside it that is not its input's"
         elif len(which):
-            fault = "was changed, and no CameraInfo had come beside its input"
+            fault = "was changed, and no CameraInfo of use had come beside its input"
         if fault or not len(which):
             return Changes(fault)
         some = np.linspace(0, len(which) - 1, min(len(which), _MOST_ENDS)).astype(int)
@@ -191,6 +192,16 @@ class ScanPairs(Pairs):
         depths_m = depths_m - output.half_steps_m(depths_m)
         rays = self.rays(info, rectified=is_rectified).reshape(-1, 3)[which]
         return Changes("", (rays * depths_m[:, None])[:, None], too_close, unreturned)
+
+    def _fits(self, info: Any, real: DepthFrame, *, rectified: bool) -> bool:
+        """Tell whether a CameraInfo is of use for an image, which else passes through."""
+        matrix = np.reshape(info.p if rectified else info.k, (3, -1))
+        if not (info.header.frame_id and matrix[0, 0] > 0.0 and matrix[1, 1] > 0.0):
+            return False
+        try:
+            return self.rays(info, rectified=rectified).shape[:2] == real.numbers.shape
+        except ValueError:  # of another lens, or of no size
+            return False
 
 
 def _are_alike(one: Any, other: Any) -> bool:

@@ -21,7 +21,7 @@ from are_ros.checks.sensors.depth_images import (
     nearest_depths,
     rays_of,
 )
-from are_ros.checks.sensors.scan_pairs import Kept
+from are_ros.checks.sensors.scan_pairs import Kept, ScanPairs
 
 HERE = Pose(np.eye(3), np.zeros(3))
 BOX = box_triangles() * (0.4, 0.3, 0.2) + (0.1, 0.0, 3.0)
@@ -165,6 +165,36 @@ def test_rays_are_where_opencv_projects_to_the_pixels(model: str, d: tuple[float
     found = project(rays, zeros, zeros, camera.k.reshape(3, 3), np.array(d))[0].reshape(24, 32, 2)
     v, u = np.mgrid[:24, :32]
     np.testing.assert_allclose(found, np.stack((u, v), axis=2), atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("distortion_model", "kannala_brandt4"),
+        ("k", np.zeros(9)),
+        ("width", 64),
+        ("height", 0),
+        ("header", SimpleNamespace(frame_id="")),
+        (None, None),
+    ],
+)
+def test_without_a_camera_info_of_use_an_image_has_to_stay_as_it_is(
+    field: str | None, value: Any
+) -> None:
+    """It passes through, without a CameraInfo; with one of use, that has to be beside it."""
+    (before, after), name = scene(), "/camera/depth/image_rect_raw"
+    for output, is_right in ((before, field is not None), (after, False)):
+        lens = info("plumb_bob", (0.1, 0.0, 0.0, 0.0, 0.0))
+        lens.header = SimpleNamespace(frame_id="camera")
+        if field is not None:
+            setattr(lens, field, value)
+        pairs, source = ScanPairs(), name.replace("rect_", "")
+        pairs.infos[info_topic(source)] = lens
+        pairs.add(source, before)
+        pairs.add(f"/ar_builder{source}", output)
+        assert pairs.pairs == 1
+        assert (pairs.changed == []) == is_right
+        assert len(pairs.kept_depths.kept) == (field is None)
 
 
 def test_what_is_kept_is_spread_over_a_recording() -> None:
