@@ -26,7 +26,7 @@ from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.images.image import read_camera_info
 from are_ros.messages.maps import read_grid
-from are_ros.messages.sensors import SENSORS, lens_topics, noun_of
+from are_ros.messages.sensors import SENSORS, lens_topics, noun_of, sensor_topics
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.model import PosesParameters
 from are_ros.replay.survey.frame_survey import FrameSurvey, FrameSurveyor, hertz, static_tf_option
@@ -126,6 +126,7 @@ def inspect_bag(
         *_missing_cloud_frame(survey, roles.topic(OCTOMAP), frame_ids, map_frame),
         *_missing_camera(reader, roles),
         *_missing_lenses(reader, role_of_topic),
+        *_missing_readings(reader, role_of_topic),
         *_missing_stamps(times),
         *_missing_repeats(survey, reader.end_ns - reader.start_ns),
         *_missing_clock(clock),
@@ -378,6 +379,16 @@ def _missing_lenses(reader: BagReader, sensors: Mapping[str, str]) -> Iterable[s
     for topic, lens_topic in lens_topics(sensors).items():
         if lens_topic not in filled:
             yield f"{topic} has no CameraInfo beside it, on {lens_topic}: it is not augmented"
+
+
+def _missing_readings(reader: BagReader, sensors: Mapping[str, str]) -> Iterable[str]:
+    """Say which sensors' first reading is of no use, as that of an unknown encoding."""
+    for topic, kind in sensor_topics(sensors).items():
+        if (first := reader.first(topic)) is not None:
+            try:
+                kind.read(reader.deserialize(first), topic)
+            except AreError as cause:
+                yield f"the first {noun_of(kind.role)} is of no use: {cause}"
 
 
 def _missing_stamps(times: RecordedTimes) -> Iterable[str]:

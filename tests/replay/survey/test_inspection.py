@@ -39,10 +39,25 @@ def odometry(factory: RosbagsFactory, stamp_ns: int, child: str = "base_link") -
     return make_odometry(factory, OdometryReading("odom", child, stamp_ns, pose, still, still))
 
 
+PIXEL = {
+    "width": 1,
+    "height": 1,
+    "encoding": "16UC1",
+    "step": 2,
+    "data": np.zeros(2, np.uint8),
+}
+TWO_BEAMS = {
+    "angle_max": 0.5,
+    "angle_increment": 0.5,
+    "range_max": 9.0,
+    "ranges": np.full(2, 3.0, np.float32),
+}
+
+
 def scan(factory: RosbagsFactory, stamp_ns: int) -> Any:
-    """Return a scan, of which only the header matters."""
+    """Return a scan of two beams, of which only the header matters."""
     header = make_header(factory, "laser", stamp_ns)
-    return factory.make("sensor_msgs/msg/LaserScan", header=header)
+    return factory.make("sensor_msgs/msg/LaserScan", header=header, **TWO_BEAMS)
 
 
 @pytest.fixture
@@ -103,7 +118,7 @@ def test_a_map_of_no_use_is_said(
     edges = make_transforms(factory, [transform("map", "base_link", 0)])
     path = write_bag(tmp_path / "bag.mcap", [("/map", 0, empty), ("/tf_static", 0, edges)])
     (useless,) = inspected(path).missing
-    assert useless.startswith("the first map is of no use: /map: info.width is 0")
+    assert useless.startswith("the first map is of no use: /map: width is 0")
     assert inspected(path, has_map_file=True).missing == ()
 
 
@@ -252,7 +267,8 @@ def test_both_of_two_lasers_are_inspected(
 ) -> None:
     """The second one, too, is listed, asked where it is mounted, and refused if it is no scan."""
     mounts = make_transforms(factory, [transform("base_link", "laser", 0)])
-    rear = factory.make("sensor_msgs/msg/LaserScan", header=make_header(factory, "rear_laser", 0))
+    header = make_header(factory, "rear_laser", 0)
+    rear = factory.make("sensor_msgs/msg/LaserScan", header=header, **TWO_BEAMS)
     records = [("/tf_static", 0, mounts), ("/front", 0, scan(factory, 0)), ("/rear", 0, rear)]
     path = write_bag(tmp_path / "bag.mcap", records)
     options = {"overrides": {"scan": "/front"}, "has_map_file": True}
@@ -273,7 +289,7 @@ def test_both_of_two_depth_cameras_are_inspected(
         records = [(m.topic, m.log_time_ns, reader.deserialize(m)) for m in reader.messages()]
     for topic, frame in (("/left/depth", "laser"), ("/right/depth", "stray")):
         header = make_header(factory, frame, S)
-        records.append((topic, S, factory.make("sensor_msgs/msg/Image", header=header)))
+        records.append((topic, S, factory.make("sensor_msgs/msg/Image", header=header, **PIXEL)))
     records.sort(key=lambda record: record[1])
     path = write_bag(tmp_path / "both.mcap", records)
     topics = ("/right/depth", "/left/depth")
@@ -287,6 +303,19 @@ def test_both_of_two_depth_cameras_are_inspected(
     assert "nothing joins stray, the frame of /right/depth, to base_link" in stray
     assert [lens.split()[0] for lens in lenses] == list(topics)
     assert "/left/depth: depth images wait up to 0.000 s for their transforms" in inspection.time
+
+
+def test_a_sensor_whose_first_reading_cannot_be_read_is_told(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """As the replay will refuse it."""
+    header = make_header(factory, "lens", S)
+    image = factory.make(
+        "sensor_msgs/msg/Image", header=header, **(PIXEL | {"encoding": "8UC1"})
+    )
+    path = write_bag(tmp_path / "bag.mcap", [("/image", S, image)])
+    (said,) = (one for one in inspected(path).missing if "first image" in one)
+    assert said.startswith("the first image is of no use: /image: encoding '8UC1' is not painted")
 
 
 def test_the_rate_of_an_odometry_is_that_of_its_clock(
