@@ -407,6 +407,8 @@ class Reading:
         self._files = files
         self._parameters = parameters
         self._recording = Recording(files)
+        self._unreadable = set[bytes]()
+        """The inputs that cannot be read; what passes them on as they came is no fault."""
         self._marker_bytes = self._marker_messages = 0
 
     def __enter__(self) -> "Reading":  # noqa: PYI034 (Self came with Python 3.11)
@@ -504,7 +506,11 @@ class Reading:
             yield
         except (InputError, ValueError, OverflowError) as error:
             if not message.topic.startswith(PREFIX):
+                self._unreadable.add(message.data)
                 self.tally.leave_out("message", "of the inputs that cannot be read")
+                return
+            if message.data in self._unreadable:
+                self.tally.leave_out("message", "with the bytes of such an input")
                 return
             when, what = at_s(message.at_ns), str(error)
             if isinstance(error, InputError):

@@ -200,6 +200,23 @@ def test_lookups_are_those_of_the_frame_tree() -> None:
     assert frames.lookup("map", "nowhere", 123 * MS, KNOWN) is None
 
 
+def test_a_transform_that_came_late_is_known_from_then_on() -> None:
+    """Before, the ones about it are interpolated; what is newer was known all the while."""
+    frames = Frames()
+    for stamp_ns, log_ns, x_m in ((0, 0, 0.0), (100, 100, 1.0), (50, 200, 9.0), (200, 210, 2.0)):
+        numbers = (x_m, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+        frames.add("a", "b", stamp_ns, log_ns, numbers, TF, is_static=False)
+    for stamp_ns, known_by_ns, x_m in (
+        *((50, 150, 0.5), (50, 200, 9.0), (25, 199, 0.25), (25, 200, 4.5)),
+        *((75, 199, 0.75), (75, 200, 5.0), (150, 210, 1.5), (100, 100, 1.0)),
+    ):
+        pose = frames.lookup("a", "b", stamp_ns, known_by_ns)
+        assert pose is not None
+        assert pose.translation_m[0] == pytest.approx(x_m)
+    assert frames.lookup("a", "b", 150, 209) is None
+    assert frames.latest_ns("a", "b", 1000, 150) == 100
+
+
 @pytest.mark.parametrize("is_turned", [False, True])
 def test_given_transforms_hold_against_recorded_ones(is_turned: bool) -> None:
     """As in the builder's tree, also where the pair is given the other way round."""

@@ -21,6 +21,7 @@ from are_ros.world.transforms.tree import FrameTree
 from bags.simulation.making import RosbagsFactory
 
 CAMERA = "/camera/camera_info"
+SCENARIO = Path(__file__).parents[2] / "config/scenarios/behind_walls.yaml"
 Records = Sequence[tuple[str, int, Any]]
 
 
@@ -489,6 +490,26 @@ def test_an_odometry_that_a_fixed_joint_overrules_names_the_parameter(
     assert f"{options} lets it hold" in failed.stderr
     done = run_are(*words, *options.split(), "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
+
+
+def test_a_damaged_depth_image_that_passes_through_is_no_fault_of_the_replay(
+    run_are: RunAre, write_bag: WriteBag, sample_bag: Path, tmp_path: Path
+) -> None:
+    """The check leaves out the input, and what has its bytes."""
+    records = []
+    with BagReader([sample_bag]) as reader:
+        for message in reader.messages(stop_ns=reader.start_ns + 4 * NS_PER_S):
+            value = reader.deserialize(message)
+            if message.topic.endswith("compressedDepth"):
+                value.data = value.data[:3000]
+            records.append((message.topic, message.log_time_ns, value))
+    bag = write_bag(tmp_path / "bag.mcap", records)
+    words = ("--scenario", SCENARIO, "--with-inputs", "--out", tmp_path / "out")
+    done = run_are("replay", bag, *words)
+    assert "its PNG is damaged" in done.stderr
+    judged = run_are("check", tmp_path / "out")
+    assert judged.returncode == 0, judged.stdout
+    assert "with the bytes of such an input" in judged.stdout
 
 
 def test_two_costmaps_are_no_missing_map(

@@ -41,6 +41,8 @@ class _Edge:
     is_static: bool
     stamps_ns: list[int] = field(default_factory=list)
     logs_ns: list[int] = field(default_factory=list)
+    reached_ns: list[int] = field(default_factory=list)
+    """From when on a sample as new as this one, or newer, was known."""
     numbers: list[tuple[float, ...]] = field(default_factory=list)
 
     def add(self, stamp_ns: int, log_ns: int, numbers: tuple[float, ...]) -> None:
@@ -48,38 +50,39 @@ class _Edge:
         place = bisect_left(self.stamps_ns, stamp_ns)
         if place < len(self.stamps_ns) and self.stamps_ns[place] == stamp_ns:
             return
-        # A late sample counts as received with the one after it: what was known is a prefix.
-        later_ns = self.logs_ns[place] if place < len(self.logs_ns) else log_ns
+        later_ns = self.reached_ns[place] if place < len(self.reached_ns) else log_ns
         self.stamps_ns.insert(place, stamp_ns)
-        self.logs_ns.insert(place, min(log_ns, later_ns))
+        self.logs_ns.insert(place, log_ns)
+        self.reached_ns.insert(place, min(log_ns, later_ns))
         self.numbers.insert(place, numbers)
-
-    def known(self, known_by_ns: int) -> int:
-        """Return how many of the samples had been received by then."""
-        return bisect_right(self.logs_ns, known_by_ns)
 
     def newest_ns(self, known_by_ns: int) -> int | None:
         """Return the newest stamp known by then, None if there is none."""
         if self.is_static:
             return EVER
-        count = self.known(known_by_ns)
+        count = bisect_right(self.reached_ns, known_by_ns)
         return self.stamps_ns[count - 1] if count else None
 
     def at(self, stamp_ns: int, known_by_ns: int) -> Pose | None:
         """Return parent_from_child, interpolated; None outside of what was known."""
         if self.is_static:
             return _pose(self.numbers[-1])
-        count = self.known(known_by_ns)
+        count = bisect_right(self.reached_ns, known_by_ns)
         after = bisect_left(self.stamps_ns, stamp_ns, 0, count)
+        before = after - 1
+        while after < count and self.logs_ns[after] > known_by_ns:  # it came late
+            after += 1
+        while before >= 0 and self.logs_ns[before] > known_by_ns:
+            before -= 1
         if after == count:
             return None
         if self.stamps_ns[after] == stamp_ns:
             return _pose(self.numbers[after])
-        if after == 0:
+        if before < 0:
             return None
-        span = self.stamps_ns[after] - self.stamps_ns[after - 1]
-        share = (stamp_ns - self.stamps_ns[after - 1]) / span
-        return _pose(_between(self.numbers[after - 1], self.numbers[after], share))
+        span = self.stamps_ns[after] - self.stamps_ns[before]
+        share = (stamp_ns - self.stamps_ns[before]) / span
+        return _pose(_between(self.numbers[before], self.numbers[after], share))
 
 
 class Frames:

@@ -310,9 +310,7 @@ def test_a_sensor_whose_first_reading_cannot_be_read_is_told(
 ) -> None:
     """As the replay will refuse it."""
     header = make_header(factory, "lens", S)
-    image = factory.make(
-        "sensor_msgs/msg/Image", header=header, **(PIXEL | {"encoding": "8UC1"})
-    )
+    image = factory.make("sensor_msgs/msg/Image", header=header, **(PIXEL | {"encoding": "8UC1"}))
     path = write_bag(tmp_path / "bag.mcap", [("/image", S, image)])
     (said,) = (one for one in inspected(path).missing if "first image" in one)
     assert said.startswith("the first image is of no use: /image: encoding '8UC1' is not painted")
