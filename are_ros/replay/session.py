@@ -314,7 +314,7 @@ def _what_joins(reader: BagReader, builder: ArBuilder, roles: RolesFound) -> str
         options = "--static-tf, --map-frame or --set frames.base:=NAME"
         return f"see `are inspect BAG`, and give what is missing with {options}"
     return (
-        _option_of_odometry(reader, roles, parents, (map_frame, root))
+        _option_of_odometry(reader, roles, parents, (root_above(map_frame, parents), root))
         or option_of_poses(reader, roles, map_frame, root, base)
         or f"see `are inspect BAG`, and give {static_tf_option(map_frame, root)}, which `are "
         "align` finds by the scans, or the map's frame with --map-frame"
@@ -324,17 +324,18 @@ def _what_joins(reader: BagReader, builder: ArBuilder, roles: RolesFound) -> str
 def _option_of_odometry(
     reader: BagReader, roles: RolesFound, parents: Mapping[str, str], roots: tuple[str, str]
 ) -> str:
-    """Return the option that lets odometry join map and base, if other transforms overrule it."""
+    """Return the option that lets odometry join the roots of map and base, if tf overrules it."""
     topic = roles.topic("odom")
     first = None if topic is None else reader.first(topic)
     if first is None:
         return ""
     odometry = reader.deserialize(first)
     ends = odometry.header.frame_id.lstrip("/"), odometry.child_frame_id.lstrip("/")
-    if tuple(root_above(end, parents) for end in ends) != roots:
+    parent = parents.get(ends[1])
+    if parent is None or tuple(root_above(end, parents) for end in ends) != roots:
         return ""
     return (
-        f"odometry says where {ends[1]} is in {ends[0]}, and {parents[ends[1]]} -> {ends[1]} in tf "
+        f"odometry says where {ends[1]} is in {ends[0]}, and {parent} -> {ends[1]} in tf "
         f"overrules it; --set frames.odometry:=use --set frames.base:={ends[1]} lets it hold"
     )
 
