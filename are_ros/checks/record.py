@@ -408,7 +408,7 @@ class Reading:
         self._parameters = parameters
         self._recording = Recording(files)
         self._unreadable = set[bytes]()
-        """The inputs that cannot be read; what passes them on as they came is no fault."""
+        """The inputs that cannot be read. An image among them passes through as it came."""
         self._marker_bytes = self._marker_messages = 0
 
     def __enter__(self) -> "Reading":  # noqa: PYI034 (Self came with Python 3.11)
@@ -509,7 +509,7 @@ class Reading:
                 self._unreadable.add(message.data)
                 self.tally.leave_out("message", "of the inputs that cannot be read")
                 return
-            if message.data in self._unreadable:
+            if message.data in self._unreadable and not isinstance(error, InputError):
                 self.tally.leave_out("message", "with the bytes of such an input")
                 return
             when, what = at_s(message.at_ns), str(error)

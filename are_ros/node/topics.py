@@ -114,7 +114,7 @@ class Subscriptions:
             for role, topic in asked:
                 self._open(role, topic, say)
             for topic in lens_topics(self.roles).values():
-                if topic not in self.roles:
+                if self._resolved(topic) not in self.roles:
                     self._open(CAMERA_INFO, topic, say)
         except BaseException:
             self.close()

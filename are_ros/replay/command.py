@@ -6,12 +6,11 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from are_ros.agents.events import ArtefactEvent, EventKind
-from are_ros.agents.robots import WITHOUT_STAMP
 from are_ros.bag.reader import BagReader, recording_in
 from are_ros.bag.recording import find_recording
 from are_ros.bag.roles import OCTOMAP, read_overrides, sensors_of
 from are_ros.builder.assembly import catalogue_of, parse_static_transforms, replaced_statics
-from are_ros.builder.sensors.sensor_path import CLOCKS_DIFFER, SensorPathCounts
+from are_ros.builder.sensors.sensor_path import SensorPathCounts
 from are_ros.builder.tick import Demand
 from are_ros.describe.configuration import describe_lines
 from are_ros.describe.site import Site, surveyed
@@ -208,6 +207,10 @@ def _metrics(outcome: Outcome) -> Content:
     return {**metrics_content(outcome.record, readings, refused, written), "walls": walls}
 
 
+_OF_READING: Final = ("it ", "its ", "format ", "encoding ")
+"""So begins a problem of the reading itself: no transform and no wait mends it."""
+
+
 def complaints(outcome: Outcome) -> list[str]:
     """Return a sentence for each problem of a replay.
 
@@ -220,9 +223,8 @@ def complaints(outcome: Outcome) -> list[str]:
         role = outcome.role_of_topic[topic]
         passed = counted(outcome.scans[topic].passed_through, noun_of(role))
         lines.append(f"{topic}: {passed} passed through unaugmented, the last for: {problem}")
-        is_of_time = CLOCKS_DIFFER in problem or WITHOUT_STAMP in problem
-        is_of_frames = any(word in problem for word in ("frame", "transform", "CameraInfo"))
-        if is_of_time or not is_of_frames or not _is_bare(outcome.scans[topic]):
+        is_of_reading = problem.startswith(_OF_READING) and "CameraInfo" not in problem
+        if is_of_reading or not _is_bare(outcome.scans[topic]):
             continue
         if topic in outcome.apart or any(name in problem for name in outcome.apart):
             lines[-1] += "; no --static-tf helps: its stamps and those of the transforms differ"

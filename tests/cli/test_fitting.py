@@ -83,6 +83,5 @@ def test_an_error_is_one_of_the_family(tmp_path: Path) -> None:
     (tmp_path / "rows.csv").write_text("3\n2.5\n", encoding="utf-8")
     done = run(tmp_path / "rows.csv", "--out", tmp_path)
     assert isinstance(done.exception, InputError)
-    assert str(done.exception) == (
-        "rows.csv, line 2: row '2.5' is a fraction, but rows are whole numbers"
-    )
+    where = f"{tmp_path / 'rows.csv'}, line 2"
+    assert str(done.exception) == f"{where}: row '2.5' is a fraction, but rows are whole numbers"

@@ -219,7 +219,7 @@ WRONG = [
     ("sensors.scans: [1, 2]", "parameter 'sensors.scans': 1 is not a string"),
     ("mixture.rates: [a]", "parameter 'mixture.rates': 'a' is not a number"),
     ("costmap.gate: some", "parameter 'costmap.gate': 'some' is none of perceived, all"),
-    ("mixture.weights: [1.0]", "1 weights and 5 rates"),
+    ("mixture.weights: [1.0]", "1 weight and 5 rates"),
     ("mixture.weights: []", "0 weights and 5 rates"),
     ("world.free_threshold: 90", "parameter 'world.free_threshold': 90 is not below"),
     ("autostart: 1", "parameter 'autostart': 1 is not true or false"),

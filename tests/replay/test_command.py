@@ -139,7 +139,29 @@ def test_advice_on_bare_scans_is_of_what_is_wrong(
     apart: tuple[str, ...], problem: str, advice: str
 ) -> None:
     """No transform helps readings whose stamps go by another clock."""
-    outcome: Any = SimpleNamespace(
+    outcome = outcome_of(problem, apart)
+    (said,) = complaints(outcome)
+    assert f"; {advice}" in said
+
+
+@pytest.mark.parametrize(
+    "problem",
+    [
+        "it has 640 x 480 pixels, and /camera_info is of 64 x 48",
+        "its data are damaged",
+        "format 'webp': its data are neither JPEG nor PNG",
+        "it is stamped 0, so nobody knows when it was: let its driver stamp it",
+    ],
+)
+def test_no_advice_is_given_where_no_transform_helps(problem: str) -> None:
+    """The readings themselves are wrong, and `are inspect` knows nothing of it."""
+    (said,) = complaints(outcome_of(problem))
+    assert said.endswith(problem)
+
+
+def outcome_of(problem: str, apart: tuple[str, ...] = ()) -> Any:
+    """Return what came of a replay whose scans all passed through."""
+    return SimpleNamespace(
         refusals=Refusals(),
         scan_problems={"/scan": problem},
         camera_problem="",
@@ -152,8 +174,6 @@ def test_advice_on_bare_scans_is_of_what_is_wrong(
         record=SimpleNamespace(events=()),
         map_doubts=[],
     )
-    (said,) = complaints(outcome)
-    assert f"; {advice}" in said
 
 
 def test_refused_artefacts_are_said_with_their_reasons() -> None:
