@@ -193,16 +193,17 @@ def _failure(kind: type, call: BehaviourCall, what: str, place: str) -> Behaviou
     where = f" ({place})" if place else ""
     time_s = call.now_ns / NS_PER_S
     return BehaviourError(
-        f"{_title(kind, call)} failed at {time_s:.3f} s: {what}{where}", _name_of(kind)
+        f"{_title(kind, call)} failed at {time_s:.3f} s: {what}{where}", name_of(kind)
     )
 
 
 def _title(kind: type, call: BehaviourCall) -> str:
     """Return the behaviour or planner and its artefact in words."""
-    return f"the {call.role} {_name_of(kind)} of artefact {call.artefact_id} ({call.label})"
+    return f"the {call.role} {name_of(kind)} of artefact {call.artefact_id} ({call.label})"
 
 
-def _name_of(kind: type) -> str:
+def name_of(kind: type) -> str:
+    """Return what catalogues and the ground truth call a user-defined class: `module:Class`."""
     return f"{kind.__module__}:{kind.__qualname__}"
 
 

@@ -4,6 +4,7 @@ import math
 from collections import deque
 from typing import ClassVar
 
+from are_ros.agents.behaviours.calls import name_of
 from are_ros.agents.behaviours.situation import (
     ARRIVE_WITHIN_M,
     WORTH,
@@ -42,8 +43,7 @@ class Following:
     def __init__(self, leader_id: int | None = None) -> None:
         """Follow any artefact; with `leader_id`, only that one."""
         self._only_id = leader_id
-        kind = type(self)
-        self._followers = {Following.name, f"{kind.__module__}:{kind.__qualname__}"}
+        self._followers = {Following.name, name_of(type(self))}
         self._walk = Walking()
         self._leader_id: int | None = None
         self._left_id: int | None = None
