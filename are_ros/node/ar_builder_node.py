@@ -299,8 +299,8 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             now_ns = monotonic_ns()
             busy = self._busy.figures(now_ns)
             self._reporter.report(self.live, self._inputs, busy, now_ns, is_paused=self._is_paused)
-            if self._reporter.clock_doubt:
-                self._say(self._reporter.clock_doubt)
+            for doubt in self._reporter.doubts:
+                self._say(doubt)
 
     def _look_for_camera(self, live: LiveBuilder, subscriptions: Subscriptions) -> None:
         """Use the default camera where no CameraInfo is published, and warn later."""

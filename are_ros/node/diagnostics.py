@@ -23,6 +23,7 @@ from are_ros.node.watches import (
     CountWatch,
     FaultWatch,
     InputSnapshot,
+    Lasting,
     TickFigures,
 )
 from are_ros.wording import counted, several
@@ -120,6 +121,8 @@ class NodeSnapshot:
 
     state: NodeState
     is_paused: bool = False
+    namesake: str = ""
+    """The name that this node shares with another one, empty where it is its own."""
     active_s: float = 0.0
     uses_sim_time: bool = False
     is_without_clock: bool = False
@@ -264,7 +267,19 @@ def _state(snapshot: NodeSnapshot) -> Status:
     if snapshot.state is NodeState.ACTIVE and snapshot.is_paused:
         message = "paused: the real map is relayed"
     values = {"state": snapshot.state.value, "paused": "yes" if snapshot.is_paused else "no"}
+    if snapshot.namesake:
+        return Status(Level.WARN, "state", f"{message}; {name_doubt(snapshot)}", values)
     return Status(Level.OK, "state", message, values)
+
+
+def name_doubt(snapshot: NodeSnapshot) -> str:
+    """Return a warning if another node has the name of this one; else ""."""
+    if not snapshot.namesake:
+        return ""
+    return (
+        f"another node is called {snapshot.namesake}, too: they publish on the same topics; "
+        "end one, or rename it (-r __node:=other)"
+    )
 
 
 def _clock(snapshot: NodeSnapshot) -> Status:
@@ -430,6 +445,8 @@ def _sensor(sensor: SensorSnapshot) -> Status:
 
 
 _NEVER_NS: Final = -(2**63)
+_NAMESAKE_S: Final = 30.0
+"""DDS forgets a process that was killed after up to 20 s; this node may be its successor."""
 
 
 class Reporter:
@@ -447,8 +464,9 @@ class Reporter:
         self._blocked, self._arrived = CountWatch(MINUTE_NS), CountWatch(MINUTE_NS)
         self._passed: dict[str, CountWatch] = {}
         self._last_contact, self._contact_ns = "", _NEVER_NS
-        self.clock_doubt = ""
-        """A warning about the clock for the log, empty if there is none."""
+        self._has_namesake = Lasting(_NAMESAKE_S)
+        self.doubts: tuple[str, ...] = ()
+        """Warnings for the log, about the clock and the node's name."""
 
     def happened(self, events: tuple[ArtefactEvent, ...], now_ns: int) -> None:
         """Take the events since the last tick; the last contact of the robot is kept."""
@@ -473,6 +491,7 @@ class Reporter:
         snapshot = NodeSnapshot(
             state=self._state(live),
             is_paused=is_paused,
+            namesake=self._namesake(now_ns),
             active_s=0.0 if since_ns is None else (now_ns - since_ns) / NS_PER_S,
             busy_ms=busy_ms,
             uses_sim_time=uses_sim_time,
@@ -480,9 +499,17 @@ class Reporter:
             inputs=tuple(subscriptions.snapshots(now_ns)) if subscriptions else (),
             **(self._of_builder(live, now_ns) if live else {}),
         )
-        self.clock_doubt = clock_doubt(snapshot)
+        doubts = clock_doubt(snapshot), name_doubt(snapshot)
+        self.doubts = tuple(doubt for doubt in doubts if doubt)
         name = self._node.get_fully_qualified_name().lstrip("/")
         self._publisher.publish(encode_diagnostics(stamp_ns, statuses(snapshot), name))
+
+    def _namesake(self, now_ns: int) -> str:
+        """Return the name of this node if another one has had it for a while; else ""."""
+        own = self._node.get_name(), self._node.get_namespace()
+        is_shared = self._node.get_node_names_and_namespaces().count(own) > 1
+        is_lasting = self._has_namesake.see(now_ns, holds=is_shared)
+        return self._node.get_fully_qualified_name() if is_lasting else ""
 
     def _state(self, live: LiveBuilder | None) -> NodeState:
         if self.is_shut_down:

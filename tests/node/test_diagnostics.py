@@ -153,6 +153,15 @@ TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
         "the behaviour of 3 artefacts has failed, and they stand; the last: b:B fell",
     ),
     (
+        {"namesake": "/ar_builder"},
+        "state",
+        Level.WARN,
+        (
+            "active; another node is called /ar_builder, too: they publish on the same topics; "
+            "end one, or rename it (-r __node:=other)"
+        ),
+    ),
+    (
         {"uses_sim_time": True, "is_without_clock": True},
         "clock",
         Level.ERROR,

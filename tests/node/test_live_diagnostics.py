@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import pytest
 
-from tests.ros import NOT_SET_UP, running_ns, undisturbed
+from tests.ros import NOT_SET_UP, RosWorld, running_ns, undisturbed
 
 pytest.importorskip("rclpy", reason=NOT_SET_UP)
 
@@ -153,6 +153,26 @@ def test_a_forgotten_simulated_time_is_the_cause(make_bench: MakeBench) -> None:
     assert "years earlier than the time of this machine" in message
     assert "--use-sim-time" in message
     assert message in bench.warnings()
+
+
+def test_a_second_node_of_the_same_name_is_said(
+    ros: RosWorld, make_bench: MakeBench, later: Later
+) -> None:
+    """Half a minute later, as DDS knows a killed node for a while; it is in the log, once."""
+    bench = make_bench({}, "configure", "activate")
+    alone = said(bench, "state")
+    other = ros.make_node("ar_builder")
+    names = bench.node.get_node_names_and_namespaces
+    ros.spin_until(lambda: names().count(("ar_builder", "/")) == 2)
+    assert said(bench, "state") == alone
+    later(31.0)
+    bench.until(lambda: said(bench, "state")[0] == WARN)
+    level, message = said(bench, "state")
+    sentence = message.removeprefix(f"{alone[1]}; ")
+    assert (level, sentence.split(",")[0]) == (WARN, "another node is called /ar_builder")
+    assert bench.warnings().count(sentence) == 1
+    other.destroy_node()
+    bench.until(lambda: said(bench, "state") == alone)
 
 
 def test_transforms_that_stop_and_come_back(bench: Bench, later: Later) -> None:
