@@ -285,16 +285,21 @@ class LiveBuilder:
 
     def _click(self, message: RawMessage, received_ns: int) -> None:
         """Spawn an artefact at a clicked point, or refuse it with the reason."""
+        topic = message.topic
         try:
             if not self.is_running:
-                raise InputError(f"{message.topic}: nobody lives: not active, or paused")
-            point = read_clicked_point(self._decoding.deserialize(message), message.topic)
-            x_m, y_m, _ = point.points_m[0].tolist()
-            label = self.builder.parameters.clicks.label
-            here = RigidTransform.planar(x_m, y_m, 0.0)
+                raise InputError(f"{topic}: nobody lives: not active, or paused")
+            point = read_clicked_point(self._decoding.deserialize(message), topic)
+        except AreError as cause:
+            self._refused(topic, str(cause))
+            return
+        x_m, y_m, _ = point.points_m[0].tolist()
+        here = RigidTransform.planar(x_m, y_m, 0.0)
+        label = self.builder.parameters.clicks.label
+        try:
             self.requests.spawn(SpawnRequest(point.frame_id, here, label), received_ns)
         except AreError as cause:
-            self._refused(message.topic, str(cause))
+            self._refused(topic, f"{topic}: {cause}")
 
     def _relay(self, role: str, message: RawMessage) -> None:
         """Relay real readings and maps while no ticks run."""

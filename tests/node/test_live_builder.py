@@ -617,6 +617,7 @@ def test_clicks_are_requests_while_it_runs(make_rig: MakeRig) -> None:
     assert len(rig.refused) == len(reasons)
     for (topic, sentence), reason in zip(rig.refused, reasons, strict=True):
         assert topic == "/clicked_point"
+        assert sentence.startswith("/clicked_point: ")
         assert reason in sentence
 
 
