@@ -467,6 +467,11 @@ class Driver:
         while time.time() < until_s:
             self.turn()
 
+    def drive_until_heard(self, heard: Sequence[Any]) -> None:
+        """Go on until what was sent so far has been heard, or something later."""
+        ended_ns = max(self.sent_s)
+        wait_until(lambda: stamp_ns(heard[-1]) > ended_ns, self.turn)
+
     def turn(self) -> None:
         """Send what is due, in the order of when it is, and take what has come."""
         while min(self._scan_due_s(), self._move_due_s()) <= time.time():
@@ -536,8 +541,7 @@ def test_after_a_stall_no_scan_is_bare_whose_transform_came(
             driver.drive_for(stall_s)
             process.signal(signal.SIGCONT)
         driver.drive(SCANS_PER_STALL)
-        ended_ns = max(driver.sent_s)
-        wait_until(lambda until_ns=ended_ns: stamp_ns(heard[-1]) > until_ns, driver.turn)
+        driver.drive_until_heard(heard)
         nearest_m = {stamp_ns(message): min(message.ranges) for message in heard}
         late_s = {at: driver.followed_s[at] - driver.sent_s[at] for at in driver.followed_s}
         stamps = {stamp for stamp in nearest_m.keys() & late_s.keys() if stamp > begun_ns}
