@@ -231,7 +231,9 @@ def _checked_origin(
 
 
 def distances_in_cells(is_clear: npt.NDArray[np.bool_], border: int = 0) -> npt.NDArray[np.float32]:
-    """Return the exact distances (height, width), in cells, to the nearest cell that is not clear.
+    """Return the distances (height, width), in cells, to the nearest cell that is not clear.
+
+    Up to 4096 they are exact: the float32 nearest to the root of a sum of two squares.
 
     With a border of 1, what is outside of the grid is not clear. Without any such cell each
     distance is larger than the grid.
@@ -241,6 +243,11 @@ def distances_in_cells(is_clear: npt.NDArray[np.bool_], border: int = 0) -> npt.
     padded = np.pad(is_clear.astype(np.uint8), border)
     if padded.all():
         return np.full(is_clear.shape, np.float32(sum(is_clear.shape)))
-    field = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    had_ipp = cv2.ipp.useIPP()
+    cv2.ipp.setUseIPP(False)  # IPP's are wrong by an ulp, and differ with the array's address
+    try:
+        field = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    finally:
+        cv2.ipp.setUseIPP(had_ipp)
     inner = slice(border, -border or None)
     return np.ascontiguousarray(field[inner, inner], dtype=np.float32)
