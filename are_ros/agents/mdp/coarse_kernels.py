@@ -39,6 +39,7 @@ def label_blocks(
     labels: Labels,
     mains: Labels,
     anchors: npt.NDArray[np.int32],
+    is_main: npt.NDArray[np.bool_],
 ) -> None:
     """Label the fine cells that keep the least clearance, block by block.
 
@@ -46,7 +47,7 @@ def label_blocks(
     `labels` (H, W) becomes 0 where there is too little room, else the number of the component
     within the block; `mains` (h, w) the largest component, 0 if there is none (the first of equal
     ones); `anchors` (h, w, 2) its fine cell (row, col) with most clearance, of equal ones the most
-    central.
+    central; `is_main` (H, W) tells which fine cells belong to it.
     """
     least_m, enough_m = levels_m
     queue = np.empty((side * side, 2), np.int32)
@@ -54,12 +55,19 @@ def label_blocks(
         for j in range(mains.shape[1]):
             block = (slice(i * side, (i + 1) * side), slice(j * side, (j + 1) * side))
             room_m, inner = clearance_m[block], labels[block]
+            if room_m.min() >= enough_m:  # most blocks of a large hall: the same, but faster
+                inner[:], mains[i, j], is_main[block] = 1, 1, True
+                anchors[i, j, 0] = i * side + min((side - 1) // 2, inner.shape[0] - 1)
+                anchors[i, j, 1] = j * side + min((side - 1) // 2, inner.shape[1] - 1)
+                continue
             main = mains[i, j] = _label_block(room_m, least_m, inner, queue)
             most_m, nearest = -1.0, 0
             for row in range(inner.shape[0]):
                 for col in range(inner.shape[1]):
                     here_m = min(float(room_m[row, col]), enough_m)
-                    if main == 0 or inner[row, col] != main or here_m < most_m:
+                    belongs = main != 0 and inner[row, col] == main
+                    is_main[i * side + row, j * side + col] = belongs
+                    if not belongs or here_m < most_m:
                         continue
                     away = (2 * row + 1 - side) ** 2 + (2 * col + 1 - side) ** 2
                     if here_m > most_m or away < nearest:
@@ -144,10 +152,3 @@ def label_components(mains: Labels, edges: npt.NDArray[np.bool_]) -> npt.NDArray
     _, first, number = np.unique(component, return_index=True, return_inverse=True)
     components[is_open] = np.argsort(np.argsort(first))[number]
     return components
-
-
-def belongs_to_main(labels: Labels, mains: Labels, side: int) -> npt.NDArray[np.bool_]:
-    """Tell which fine cells (H, W) belong to the largest component of their block."""
-    main = mains.repeat(side, axis=0).repeat(side, axis=1)[: labels.shape[0], : labels.shape[1]]
-    is_main: npt.NDArray[np.bool_] = (labels == main) & (main != 0)
-    return is_main

@@ -98,16 +98,15 @@ class CoarseMap:
         labels = np.empty(self._clearance_m.shape, np.uint16)
         mains = np.empty(shape, np.uint16)
         fine = np.zeros((*shape, 2), np.int32)
+        is_main = np.empty(labels.shape, np.bool_)
         levels_m = (float(self._least_m), float(self._least_m) + WALL_COMFORT_M)
         unit_m = self.grid.resolution_m
         room_m = _coarse_kernels.exact_room(self._clearance_m, self.radius_m, unit_m)
-        _coarse_kernels.label_blocks(room_m, levels_m, self._side, labels, mains, fine)
+        _coarse_kernels.label_blocks(room_m, levels_m, self._side, labels, mains, fine, is_main)
         self.edges = np.empty((4, *shape), np.bool_)
         _coarse_kernels.open_edges(labels, mains, self._side, self.edges)
         self.components = _coarse_kernels.label_components(mains, self.edges)
         self._place_anchors(fine)
-        is_main: npt.NDArray[np.bool_]
-        is_main = _coarse_kernels.belongs_to_main(labels, mains, self._side)
         return is_main
 
     def _place_anchors(self, fine: npt.NDArray[np.int32]) -> None:

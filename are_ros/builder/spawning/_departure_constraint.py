@@ -103,7 +103,8 @@ class ConnectedFreeSpace(DepartureConstraint):
         open_cells = (exact_room(field, self.radius_m, unit_m) > 0.0).view(np.uint8)
         count, labels, boxes, _ = cv2.connectedComponentsWithStats(open_cells, connectivity=4)
         sides = boxes[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
-        is_roomy = np.bincount(labels[self._region], minlength=count) > 0
+        is_roomy = np.zeros(count, np.bool_)
+        is_roomy[labels[self._region]] = True
         is_roomy &= sides * unit_m >= self._extent_m
         is_roomy[0] = False
         mask = is_roomy[labels].view(np.uint8)
