@@ -19,6 +19,7 @@ from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Labels
 from are_ros.population.catalogue import CatalogueRow
+from are_ros.world.rigid_transform import product
 from are_ros.world.surface import exposed_surface
 from are_ros.world.voxel_map import VoxelMap
 
@@ -354,7 +355,7 @@ def marker_poses(poses: Floats, offsets_m: Floats) -> Floats:
     rotations[:, 2, 2] = 1.0
     placed = np.empty((count, markers, 7))
     # A product of small matrices for each artefact: the very numbers of RigidTransform.apply.
-    placed[:, :, :3] = offsets_m @ rotations.transpose(0, 2, 1) + poses[:, None, :3]
+    placed[:, :, :3] = product(offsets_m, rotations.transpose(0, 2, 1)) + poses[:, None, :3]
     placed[:, :, 3:] = poses[:, None, 3:]
     return placed.reshape(count * markers, 7)
 

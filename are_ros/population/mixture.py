@@ -10,6 +10,7 @@ from are_ros.errors import ParameterError
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue
 from are_ros.wording import counted
+from are_ros.world.rigid_transform import product
 
 Numbers = npt.NDArray[np.float64]
 
@@ -43,7 +44,7 @@ class TruncatedPoissonMixture:
         kept = self._components.sum(axis=1)
         _check_kept(rates, kept, rows)
         self._components /= kept[:, np.newaxis]
-        self._probabilities: Numbers = self.weights @ self._components
+        self._probabilities: Numbers = product(self.weights, self._components)
         self._cumulative = np.cumsum(self._probabilities)
         for array in (self.weights, self.rates, self._components, self._probabilities):
             array.flags.writeable = False

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from are_ros.errors import InputError, ParameterError
 from are_ros.world.footprint import Footprint
-from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.rigid_transform import RigidTransform, product
 
 _Floats = npt.NDArray[np.float64]
 
@@ -249,7 +249,7 @@ class PinholeView(ViewModel):
 
         NaN for what is behind the camera, or where the lens model is not one to one.
         """
-        points = points_m @ self._rotation().T if self.rectified_from_camera else points_m
+        points = product(points_m, self._rotation().T) if self.rectified_from_camera else points_m
         x, y, z = points.T
         depths = np.where(z > 0.0, z, np.nan)
         x, y = x / depths, y / depths
@@ -274,8 +274,7 @@ class PinholeView(ViewModel):
     def _rays_to_depth(self) -> npt.NDArray[np.float64]:
         slopes = self._slopes()
         rays = np.concatenate((slopes, np.ones((*slopes.shape[:2], 1))), axis=2)
-        turned: npt.NDArray[np.float64] = rays @ self._rotation()
-        return turned
+        return product(rays, self._rotation())
 
     def _rays(self) -> npt.NDArray[np.float64]:
         return self._rays_to_depth

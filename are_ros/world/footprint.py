@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from are_ros._compiled import compiled
 from are_ros.errors import ParameterError
 from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.rigid_transform import product
 
 _FloatArray = NDArray[np.float64]
 
@@ -99,9 +100,9 @@ class Footprint:
     def at(self, x_m: float, y_m: float, yaw_rad: float) -> "Footprint":
         """Return the footprint of a base that stands at this pose, in the frame of the pose."""
         c, s = cos(yaw_rad), sin(yaw_rad)
-        moved = self.vertices_m @ np.array([[c, s], [-s, c]]) + (x_m, y_m)
+        turned = product(self.vertices_m, np.array([[c, s], [-s, c]]))
         footprint = object.__new__(Footprint)
-        footprint._keep(moved, self.radius_m)
+        footprint._keep(np.array((x_m, y_m)) + turned, self.radius_m)
         return footprint
 
     def padded(self, padding_m: float) -> "Footprint":

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -159,13 +159,22 @@ class RigidTransform:
 
     def apply(self, points_m: npt.NDArray[np.floating]) -> Vector:
         """Return points (N, 3) [m] of the child frame in the parent frame, float64 (N, 3)."""
-        moved: Vector = points_m @ self.rotation_matrix().T + self.translation_m
-        return moved
+        return product(points_m, self.rotation_matrix().T) + self.translation_m
 
     def yaw_rad(self) -> float:
         """Return the heading of the child's x axis about the parent's z, in [-pi, pi]."""
         x, y, z, w = self.rotation_xyzw.tolist()
         return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+def product(a: npt.ArrayLike, b: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return the matrix product `a @ b`, the same on each processor to the last bit.
+
+    The sums of `@` are in an order, and fused, as the BLAS has it for the kind of processor. `b` is
+    a vector (n,) or has the shape (..., n, m); `a` is (..., n).
+    """
+    how = "...j,j->..." if b.ndim == 1 else "...j,jk->...k" if b.ndim == 2 else "...ij,...jk->...ik"
+    return np.asarray(np.einsum(how, np.asarray(a), b))
 
 
 def in_level_frame(

@@ -2,6 +2,9 @@
 
 import copy
 import json
+import os
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from subprocess import CompletedProcess
@@ -125,6 +128,20 @@ def test_one_seed_gives_the_same_bytes(sample_replay: Path, replay_sample: Repla
     for name in REPRODUCIBLE:
         assert (again / name).read_bytes() == (sample_replay / name).read_bytes(), name
         assert (other / name).read_bytes() != (sample_replay / name).read_bytes(), name
+
+
+def test_one_seed_gives_the_same_bytes_on_each_processor(sample_bag: Path, tmp_path: Path) -> None:
+    """With another kind's products of matrices (OPENBLAS_CORETYPE), and on one core."""
+    certainty = sample_bag.parents[1] / "config" / "presets" / "certainty_poor.yaml"
+    command = [sys.executable, "-m", "are_ros", "replay", sample_bag, "--params", certainty]
+    command += ["--start", "20", "--duration", "8", "--seed", "3", *MANY, "--out"]
+    one_core = ["taskset", "--cpu-list", str(min(os.sched_getaffinity(0)))]
+    other_products = {**os.environ, "OPENBLAS_CORETYPE": "Prescott"}
+    here, there = tmp_path / "here", tmp_path / "there"
+    subprocess.run([*command, here], check=True)
+    subprocess.run([*one_core, *command, there], env=other_products, check=True)
+    for name in REPRODUCIBLE:
+        assert (there / name).read_bytes() == (here / name).read_bytes(), name
 
 
 def test_no_file_names_the_machine(sample_replay: Path, sample_bag: Path) -> None:

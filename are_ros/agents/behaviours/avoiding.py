@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from are_ros.agents.behaviours.situation import WORTH, Intent, Point, RobotView, Situation, stand
 from are_ros.agents.behaviours.walking import Walking, any_destination
+from are_ros.world.rigid_transform import product
 
 _NEAR_M, _FAR_M = 4.0, 6.0
 """The artefact moves away from a robot nearer than the first, until it is at the second."""
@@ -106,6 +107,6 @@ def _distances_from_ways(point_m: _Points, start_m: _Points, ends_m: _Points) ->
     """Return the distances (K,) [m] of a point from the segments from a start to ends (K, 2)."""
     ways_m = ends_m - start_m
     squares = np.maximum((ways_m**2).sum(axis=1), 1e-12)
-    shares = np.clip(ways_m @ (point_m - start_m) / squares, 0.0, 1.0)
+    shares = np.clip(product(ways_m, point_m - start_m) / squares, 0.0, 1.0)
     apart_m = start_m + shares[:, None] * ways_m - point_m
     return np.asarray(np.hypot(apart_m[:, 0], apart_m[:, 1]))

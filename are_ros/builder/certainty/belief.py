@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.population.catalogue import CatalogueRow
+from are_ros.world.rigid_transform import product
 
 Floats = npt.NDArray[np.float64]
 
@@ -175,7 +176,7 @@ class BehaviourLaw:
         transition = expm(self.rates() * dt_s)
         for belief in beliefs:
             belief.widen(len(self.names))
-            belief.probabilities = belief.probabilities @ transition
+            belief.probabilities = product(belief.probabilities, transition)
 
     def rates(self) -> Floats:
         """Return the rates (B, B) [1/s] of the process: rows sum to 0.

@@ -24,7 +24,7 @@ from are_ros.parameters.model import CertaintyParameters
 from are_ros.population.artefact import shape_of
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.world.boxes import OrientedBoxes
-from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.rigid_transform import RigidTransform, product
 
 Motion = Sequence[float]
 """x, y, z [m] and yaw [rad] on the ground in the map frame, the rates of x, y [m/s] and yaw."""
@@ -94,25 +94,25 @@ class TrackingError:
         self._generator = generator
         factor = np.zeros((2 * AXES, 2 * AXES))
         factor[:AXES, :AXES], factor[AXES:, AXES:] = detection, rates
-        self.error: Floats = factor @ generator.standard_normal(2 * AXES)
-        self.covariance: Floats = factor @ factor.T
+        self.error: Floats = product(factor, generator.standard_normal(2 * AXES))
+        self.covariance: Floats = product(factor, factor.T)
 
     def predict(self, process: "Process") -> None:
         """Go on by the time of a process."""
-        drawn = process.noise @ self._generator.standard_normal(2 * AXES)
-        self.error = process.step @ self.error + drawn
+        drawn = product(process.noise, self._generator.standard_normal(2 * AXES))
+        self.error = product(process.step, self.error) + drawn
         self.covariance = process.grown(self.covariance)
 
     def correct(self, detection: Floats) -> None:
         """Take a detection whose noise has this factor (3, 3)."""
-        noise = detection @ detection.T
+        noise = product(detection, detection.T)
         innovation = self.covariance[:AXES, :AXES] + noise
-        gain = self.covariance[:, :AXES] @ _inverse(innovation, detection)
-        drawn = detection @ self._generator.standard_normal(AXES)
-        self.error = self.error + gain @ (drawn - self.error[:AXES])
+        gain = product(self.covariance[:, :AXES], _inverse(innovation, detection))
+        drawn = product(detection, self._generator.standard_normal(AXES))
+        self.error = self.error + product(gain, drawn - self.error[:AXES])
         kept = _UNIT.copy()
         kept[:, :AXES] -= gain
-        self.covariance = kept @ self.covariance @ kept.T + gain @ noise @ gain.T
+        self.covariance = _spread(kept, self.covariance) + _spread(gain, noise)
 
 
 class Process(NamedTuple):
@@ -142,17 +142,27 @@ class Process(NamedTuple):
 
     def grown(self, covariance: Floats) -> Floats:
         """Return what a covariance (6, 6), or each of (N, 6, 6), has become after the time."""
-        grown: Floats = self.step @ covariance @ self.step.T + self.noise @ self.noise.T
+        grown: Floats = _spread(self.step, covariance) + product(self.noise, self.noise.T)
         return grown
+
+
+def _spread(step: Floats, covariance: Floats) -> Floats:
+    """Return the covariance (..., n, n) of what a matrix (n, m) makes of (..., m, m)."""
+    return np.asarray(np.einsum("ij,...jk,lk->...il", step, covariance, step))
 
 
 def _inverse(innovation: Floats, detection: Floats) -> Floats:
     """Return the inverse; the pseudo-inverse where a component is detected without any noise.
 
-    Such a component may be known exactly, and is then not corrected.
+    Such a component may be known exactly, and is then not corrected. The inverse is by cofactors:
+    LAPACK's has other last bits on other processors.
     """
     if np.linalg.det(detection):
-        return np.asarray(np.linalg.inv(innovation), np.float64)
+        (a, b, c), (_, d, e), (_, _, f) = innovation.tolist()
+        aa, ab, ac = d * f - e * e, c * e - b * f, b * e - c * d
+        bb, bc, cc = a * f - c * c, b * c - a * e, a * d - b * b
+        determinant = a * aa + b * ab + c * ac
+        return np.array(((aa, ab, ac), (ab, bb, bc), (ac, bc, cc))) / determinant
     return np.asarray(np.linalg.pinv(innovation, hermitian=True), np.float64)
 
 
@@ -235,8 +245,7 @@ def _turned(covariance: Floats, angle_rad: float) -> Floats:
     """Return a covariance (3, 3) of x, y and yaw in axes from which the old ones are turned so."""
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     turn = np.array(((cos, -sin, 0.0), (sin, cos, 0.0), (0.0, 0.0, 1.0)))
-    turned: Floats = turn @ covariance @ turn.T
-    return turned
+    return _spread(turn, covariance)
 
 
 def _as_ros(planar: npt.NDArray[np.float64]) -> tuple[float, ...]:
@@ -267,7 +276,7 @@ def predicted_paths(
     paths[:, :, 2] = heights_m[:, np.newaxis]
     for k in range(count):
         ahead = Process.of(settings, (k + 1) * settings.prediction_step)
-        _write(paths[:, k], states @ ahead.step.T, ahead.grown(covariances))
+        _write(paths[:, k], product(states, ahead.step.T), ahead.grown(covariances))
     paths.setflags(write=False)
     both = zip(tracks, paths, strict=True)
     return tuple(PredictedPath(track.artefact_id, path) for track, path in both)

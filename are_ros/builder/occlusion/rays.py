@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import borrowing, inlined, owning
-from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.rigid_transform import RigidTransform, product
 from are_ros.world.voxel_map import VoxelMap
 
 TILE: Final = 16
@@ -385,7 +385,8 @@ class VoxelField:
         the matrix (3, 3) from directions in the map frame to voxels per metre.
         """
         matrix, rounded = self._matrices
-        origin = (matrix @ (origin_m - self.map_from_lattice.translation_m)).astype(np.float32)
+        apart_m = origin_m - self.map_from_lattice.translation_m
+        origin = product(matrix, apart_m).astype(np.float32)
         return origin, self._occupied_at(origin), rounded
 
     @cached_property
@@ -418,7 +419,7 @@ class VoxelField:
         occupied voxel (maps are noisy), that one voxel is ignored.
         """
         origin, ignored, matrix = self.lattice_rays(origin_m)
-        rays = np.ascontiguousarray(matrix @ np.asarray(directions, dtype=np.float32).T)
+        rays = np.ascontiguousarray(product(matrix, np.asarray(directions, dtype=np.float32).T))
         limit = np.nextafter(np.float32(max_range_m), np.float32(np.inf))
         limits = np.where(np.any(rays != 0.0, axis=0), limit, np.float32(-1.0))
         hits = np.empty(rays.shape[1], dtype=np.float32)

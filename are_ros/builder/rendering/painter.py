@@ -22,7 +22,7 @@ from are_ros.builder.rendering.rasterizing import (
 from are_ros.builder.rendering.shading import Textures, darken, render
 from are_ros.builder.rendering.surface import Surface, to_linear, to_srgb
 from are_ros.world.cameras import FisheyeView, PinholeView
-from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.rigid_transform import RigidTransform, product
 
 Floats = npt.NDArray[np.float32]
 Indices = npt.NDArray[np.int32]
@@ -173,7 +173,7 @@ class Painter:
         apart_m = boxes.centres_m - map_from_camera.translation_m
         near = np.flatnonzero(self._may_see(boxes, apart_m, map_from_optical))
         turns, apart_m = boxes.turns[near], apart_m[near]
-        cameras_m = -np.matmul(apart_m[:, np.newaxis], turns)[:, 0]
+        cameras_m = -product(apart_m[:, np.newaxis], turns)[:, 0]
         away_m = np.maximum(np.abs(cameras_m) - boxes.half_sizes_m[near], 0.0)
         tolerances_m = self._tolerance_rad * np.sqrt((away_m * away_m).sum(axis=1))
         surfaces = [bodies[k].surface for k in near.tolist()]
@@ -182,14 +182,14 @@ class Painter:
         if len(corners.indices) >= len(self._faces.owners):
             self._faces = Faces.room(len(corners.indices))
         poses = np.empty((len(near), 3, 4))
-        poses[:, :, :3] = map_from_optical.T @ turns
-        poses[:, :, 3] = apart_m @ map_from_optical
+        poses[:, :, :3] = product(map_from_optical.T, turns)
+        poses[:, :, 3] = product(apart_m, map_from_optical)
         points = np.empty((len(corners.points_m), 3))
         place_points(corners, poses, points)
         places = self.view.project(points)
         lights = np.empty((len(near), 3, 3))
         lights[:, :2], lights[:, 2] = _lights(lighting)
-        lights[:, :2] = lights[:, :2] @ turns
+        lights[:, :2] = product(lights[:, :2], turns)
         heights_m = np.empty((len(near), 2), dtype=np.float32)
         heights_m[:, 0], heights_m[:, 1] = map_from_camera.translation_m[2], boxes.grounds_m[near]
         bands = -(-self.view.height // ROWS)
@@ -274,7 +274,7 @@ class Painter:
         rays = self.rays[self.rays.any(axis=2)].astype(np.float64)
         axis = rays.sum(axis=0)
         axis /= max(float(np.linalg.norm(axis)), 1e-12)
-        return axis, math.acos(np.clip((rays @ axis).min(), -1.0, 1.0))
+        return axis, math.acos(np.clip(product(rays, axis).min(), -1.0, 1.0))
 
     @cached_property
     def _planes(self) -> npt.NDArray[np.float64]:
@@ -284,7 +284,7 @@ class Painter:
             return axis[np.newaxis] if widest_rad < 0.5 * math.pi else np.empty((0, 3))
         corners = self.rays[[0, 0, -1, -1], [0, -1, -1, 0]].astype(np.float64)
         planes = np.cross(corners, np.roll(corners, -1, axis=0))
-        planes *= np.sign(planes @ axis)[:, np.newaxis]
+        planes *= np.sign(product(planes, axis))[:, np.newaxis]
         planes /= np.linalg.norm(planes, axis=1, keepdims=True)
         return planes + _MARGIN * axis  # the samples lie beyond the rays of the outermost pixels
 
@@ -298,7 +298,8 @@ class Painter:
         axis, widest_rad = self._cone
         away_m = np.maximum(np.linalg.norm(apart_m, axis=1), 1e-12)
         radii_m = np.linalg.norm(boxes.half_sizes_m, axis=1)
-        aside_rad = np.arccos(np.clip(apart_m @ (map_from_optical @ axis) / away_m, -1.0, 1.0))
+        along_m = product(apart_m, product(map_from_optical, axis))
+        aside_rad = np.arccos(np.clip(along_m / away_m, -1.0, 1.0))
         ball_rad = np.arcsin(np.minimum(radii_m / away_m, 1.0))
         is_near = aside_rad - ball_rad <= widest_rad + _MARGIN
         seen: npt.NDArray[np.bool_] = (away_m <= radii_m) | is_near

@@ -14,6 +14,8 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.world.rigid_transform import product
+
 _Floats = npt.NDArray[np.float64]
 _Indices = npt.NDArray[np.int64]
 
@@ -84,11 +86,11 @@ def _rays_of_camera(
     slopes = slopes[:, across] / slopes[:, [ahead]]
     lattice, *_ = np.linalg.lstsq(at, slopes, rcond=None)
     steps = np.abs(lattice[1:]).max(axis=0)
-    off = np.median(np.abs(slopes - at @ lattice), axis=0)
+    off = np.median(np.abs(slopes - product(at, lattice)), axis=0)
     if not (off < _MOST_OFF * steps).all():
         return None
     rays = np.ones((len(holes), 3))
-    rays[:, across] = _rows_and_columns(shape, holes) @ lattice
+    rays[:, across] = product(_rows_and_columns(shape, holes), lattice)
     unit: _Floats = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     return unit
 

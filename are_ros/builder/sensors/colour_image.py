@@ -28,7 +28,7 @@ from are_ros.population.artefact import Artefact
 from are_ros.population.randomness import Purpose, generator
 from are_ros.wording import counted
 from are_ros.world.boxes import OrientedBoxes
-from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.rigid_transform import RigidTransform, product
 
 Pixels = npt.NDArray[np.uint8]
 
@@ -118,7 +118,7 @@ class RawColour:
         elif encoding in _YUV:
             _put_yuv(stored, painted, before, is_changed, _YUV[encoding][1])
         else:
-            stored[is_changed] = _rounded(painted[is_changed] @ _LUMA)
+            stored[is_changed] = _rounded(product(painted[is_changed], _LUMA))
         return RawColour(self.image.with_pixels(stored))
 
     def _colours(self) -> npt.NDArray[np.int64]:
@@ -137,13 +137,13 @@ def _put_yuv(
     greater, though colours that RGB does not have come back as others.
     """
     (share, least), now, was = _LUMA_RANGE, painted[is_changed], stored[is_changed, luma]
-    lumas = _rounded(share * (now @ _LUMA) + least)
+    lumas = _rounded(share * product(now, _LUMA) + least)
     is_darker = (now <= before[is_changed]).all(axis=1)
     stored[is_changed, luma] = np.where(is_darker, np.minimum(lumas, was), lumas)
     is_pair = is_changed[:, 0::2] | is_changed[:, 1::2]
     mean = 0.5 * painted[:, 0::2][is_pair] + 0.5 * painted[:, 1::2][is_pair]
     for k, shares in enumerate(_CHROMA):
-        stored[:, k::2, 1 - luma][is_pair] = _rounded(mean @ shares + 128.0)
+        stored[:, k::2, 1 - luma][is_pair] = _rounded(product(mean, shares) + 128.0)
 
 
 def _rounded(numbers: npt.NDArray[np.float64]) -> Pixels:
@@ -370,7 +370,7 @@ class Studio:
         if surface is not None:
             rows, columns = np.nonzero(is_open & lens.in_tiles(which))
             directions = view.directions()[rows, columns]
-            in_map = directions @ map_from_camera.rotation_matrix().T.astype(np.float32)
+            in_map = product(directions, map_from_camera.rotation_matrix().T.astype(np.float32))
             hits_m = surface.first_hits(map_from_camera.translation_m, in_map, _FAR_M)
             ranges[rows, columns] = hits_m
             is_open[rows, columns] = False

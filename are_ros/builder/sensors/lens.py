@@ -16,7 +16,7 @@ from are_ros.builder.sensors.image import MINIATURE_PX
 from are_ros.errors import InputError
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.cameras import CameraInfo, FisheyeView, PinholeView
-from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.rigid_transform import RigidTransform, product
 
 _Floats = npt.NDArray[np.float64]
 _Indices = npt.NDArray[np.int64]
@@ -113,7 +113,7 @@ class Lens:
     def tiles_towards(self, map_from_camera: RigidTransform, boxes: OrientedBoxes) -> _Indices:
         """Return the tiles (K,) in which a ray may meet one of the boxes, int64."""
         matrix = map_from_camera.rotation_matrix()
-        axes = (self.tiles.axes @ matrix.T).astype(np.float32)
+        axes = product(self.tiles.axes, matrix.T).astype(np.float32)
         no_meshes = MeshSelection.boxes_only(len(boxes))
         seen = boxes_seen_from(map_from_camera.translation_m, boxes, no_meshes.indices)
         return np.flatnonzero(_are_met(axes, self.tiles.spreads, seen))

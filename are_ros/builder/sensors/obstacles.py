@@ -12,7 +12,7 @@ from are_ros.builder.occlusion.meshes import MeshSelection, Tree, cast, enters
 from are_ros.builder.occlusion.rays import VoxelField, inverse
 from are_ros.builder.scene import Scene
 from are_ros.world.boxes import OrientedBoxes
-from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.rigid_transform import RigidTransform, product
 
 _Floats = npt.NDArray[np.float64]
 
@@ -64,7 +64,7 @@ class Obstacles:
         """Return which hits (K,) [m] along rays the environment hides: it is met before."""
         if self.surface is None or not len(rays):
             return np.zeros(len(rays), np.bool_)
-        directions = rays @ map_from_sensor.rotation_matrix().T
+        directions = product(rays, map_from_sensor.rotation_matrix().T)
         origin_m, farthest_m = map_from_sensor.translation_m, float(hits_m.max())
         return self.surface.first_hits(origin_m, directions, farthest_m) < hits_m
 

@@ -12,7 +12,7 @@ from are_ros.builder.sensors.cloud_rays import WIDEST_GAP_RAD, rays_between, ray
 from are_ros.builder.sensors.obstacles import Obstacles
 from are_ros.errors import InputError
 from are_ros.world.boxes import OrientedBoxes
-from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.rigid_transform import RigidTransform, product
 
 _Floats = npt.NDArray[np.float64]
 _Indices = npt.NDArray[np.int64]
@@ -302,7 +302,9 @@ def _cones(map_from_sensor: RigidTransform, boxes: OrientedBoxes, farthest_m: fl
     They are so much wider than the boxes that the gaps in front of these have both their ends
     inside.
     """
-    apart_m = (boxes.centres_m - map_from_sensor.translation_m) @ map_from_sensor.rotation_matrix()
+    apart_m = product(
+        boxes.centres_m - map_from_sensor.translation_m, map_from_sensor.rotation_matrix()
+    )
     away_m, radii_m = np.linalg.norm(apart_m, axis=1), np.linalg.norm(boxes.half_sizes_m, axis=1)
     angles = np.arcsin(np.minimum(radii_m / np.maximum(away_m, 1e-9), 1.0)) + WIDEST_GAP_RAD
     angles = np.where(away_m <= radii_m, np.pi, np.minimum(angles, np.pi))

@@ -29,6 +29,7 @@ from are_ros.population.meshes.things import (
     wall,
 )
 from are_ros.population.meshes.vehicles import buggy, car, lorry, scooter, van
+from are_ros.world.rigid_transform import product
 
 if TYPE_CHECKING:
     import trimesh
@@ -115,12 +116,14 @@ def _of_file(source: MeshFile, colour: tuple[float, float, float, float]) -> Dra
         msg = f"the mesh file {source.path} shows nothing: its materials are transparent everywhere"
         raise CatalogueError(msg)
     corners = np.concatenate(
-        [source.metres_per_unit * (body.vertices - centre)[body.faces] @ turn.T for body in bodies]
+        [source.metres_per_unit * (body.vertices - centre)[body.faces] for body in bodies]
     )
     colours = np.concatenate([_corner_colours(body, colour) for body in bodies])
-    normals = np.concatenate([_normals(body) for body in bodies]) @ turn.T
+    normals = product(np.concatenate([_normals(body) for body in bodies]), turn.T)
     uvs, texture = _atlas(bodies)
-    return DrawnMesh(corners, colours, normals if normals.any() else None, uvs, texture, False)
+    return DrawnMesh(
+        product(corners, turn.T), colours, normals if normals.any() else None, uvs, texture, False
+    )
 
 
 def _cut_out(body: "trimesh.Trimesh") -> "trimesh.Trimesh":

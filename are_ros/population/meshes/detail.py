@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.population.meshes.shapes import Colour, Point, Solid, joined, loft, mirrored, turned
+from are_ros.world.rigid_transform import product
 
 Floats = npt.NDArray[np.float64]
 
@@ -77,7 +78,7 @@ def soft_box(low: Point, high: Point, edge_m: float, colour: Colour) -> Solid:
 def lying(solid: Solid, at: Point) -> Solid:
     """Return a solid whose z axis is laid along +y, moved to a place."""
     turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-    return Solid(solid.vertices_m @ turn + at, solid.faces, solid.colours)
+    return Solid(product(solid.vertices_m, turn) + at, solid.faces, solid.colours)
 
 
 def half_turned(solid: Solid) -> Solid:
@@ -90,7 +91,7 @@ def tilted(solid: Solid, about: tuple[float, float], angle_rad: float) -> Solid:
     cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
     turn = np.array([[cosine, 0.0, -sine], [0.0, 1.0, 0.0], [sine, 0.0, cosine]])
     pivot = np.array((about[0], 0.0, about[1]))
-    return Solid((solid.vertices_m - pivot) @ turn.T + pivot, solid.faces, solid.colours)
+    return Solid(product(solid.vertices_m - pivot, turn.T) + pivot, solid.faces, solid.colours)
 
 
 def rod(start: Point, end: Point, radius_m: float, colour: Colour, sides: int = 8) -> Solid:

@@ -10,6 +10,8 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.world.rigid_transform import product
+
 Floats = npt.NDArray[np.float64]
 Tone = tuple[float, float, float]
 """Red, green and blue in sRGB, in [0, 1]."""
@@ -251,7 +253,7 @@ def _shoe(looks: Appearance, x: float, y: float) -> Figure:
     # A tube along x: its own z, x, y are x, -z, y (a rotation).
     lying = _tube([(-z, y, x, a, b) for z, y, x, a, b in rings], lambda _: looks.shoes, bend=0.75)
     turn = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
-    return Figure(lying.corners_m @ turn, lying.normals @ turn, lying.colours)
+    return Figure(product(lying.corners_m, turn), product(lying.normals, turn), lying.colours)
 
 
 def _head(looks: Appearance, head: float, squeeze: tuple[float, ...]) -> list[Figure]:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from are_ros.errors import CatalogueError
 from are_ros.population.catalogue import CatalogueRow, MeshFile
 from are_ros.population.meshes.shapes import Colour, Shape, build_shape
+from are_ros.world.rigid_transform import product
 
 if TYPE_CHECKING:
     import trimesh
@@ -96,7 +97,7 @@ def read_mesh_file(source: MeshFile, colour: Colour) -> "trimesh.Trimesh":
     # Files repeat a vertex for each normal and texture coordinate. Without those, trimesh merges
     # what is one point in space, so that a closed surface is seen to be closed.
     mesh = trimesh.Trimesh(
-        source.metres_per_unit * vertices @ axes_of(source).T,
+        product(source.metres_per_unit * vertices, axes_of(source).T),
         np.concatenate([body.faces + start for body, start in zip(bodies, starts, strict=True)]),
         face_colors=np.concatenate([face_colours(body, colour) for body in bodies]),
     )
@@ -188,4 +189,4 @@ def _hull_centre_m(mesh: "trimesh.Trimesh", source: MeshFile) -> npt.NDArray[np.
     inside = mesh.vertices.mean(axis=0)
     corners = mesh.vertices[hull.simplices] - inside
     volumes = np.abs(np.linalg.det(corners))
-    return np.asarray(inside + volumes @ corners.sum(axis=1) / (4.0 * volumes.sum()))
+    return np.asarray(inside + product(volumes, corners.sum(axis=1)) / (4.0 * volumes.sum()))

@@ -11,6 +11,8 @@ from enum import Enum
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.world.rigid_transform import product
+
 Colour = tuple[float, float, float, float]
 Point = tuple[float, float, float]
 
@@ -32,8 +34,7 @@ class Solid:
         corners = self.vertices_m[self.faces]
         volumes = np.einsum("fi,fi->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
         centroids: npt.NDArray[np.float64] = corners.sum(axis=1) / 4.0
-        centre_m: npt.NDArray[np.float64] = volumes @ centroids / volumes.sum()
-        return centre_m
+        return np.asarray(product(volumes, centroids) / volumes.sum())
 
     def fitted(self, size_m: Point) -> "Solid":
         """Scale along the axes to this size, standing on z = 0 over the origin."""
