@@ -18,22 +18,26 @@ ROW_STEPS: Final = (0, 1, 0, -1)
 COL_STEPS: Final = (1, 0, -1, 0)
 
 
+_UNSEEN: Final = 65535
+"""The label of a cell that no component has taken yet."""
+
+
 @compiled
-def exact_room(
+def discs_fit(
     clearance_m: npt.NDArray[np.float32], radius_m: float, unit_m: float
-) -> npt.NDArray[np.float32]:
-    """Return the clearance (H, W), but 0 where a disc about the cell's centre does not fit."""
-    room_m: npt.NDArray[np.float32] = clearance_m.copy()
-    for row in range(room_m.shape[0]):
-        for col in range(room_m.shape[1]):
-            if not disc_fits(clearance_m, row, col, radius_m, unit_m):
-                room_m[row, col] = 0.0
-    return room_m
+) -> npt.NDArray[np.bool_]:
+    """Tell about the centre of which cells (H, W) a disc covers open cells only."""
+    fits: npt.NDArray[np.bool_] = np.empty(clearance_m.shape, np.bool_)
+    for row in range(clearance_m.shape[0]):
+        for col in range(clearance_m.shape[1]):
+            fits[row, col] = disc_fits(clearance_m, row, col, radius_m, unit_m)
+    return fits
 
 
 @compiled
 def label_blocks(
     clearance_m: npt.NDArray[np.float32],
+    disc_m: tuple[float, float],
     levels_m: tuple[float, float],
     side: int,
     labels: Labels,
@@ -41,26 +45,34 @@ def label_blocks(
     anchors: npt.NDArray[np.int32],
     is_main: npt.NDArray[np.bool_],
 ) -> None:
-    """Label the fine cells that keep the least clearance, block by block.
+    """Label the fine cells in which a disc fits that keep the least clearance, block by block.
 
-    `levels_m` are the least clearance and the one that is enough: more is no better.
+    `disc_m` are its radius and the size of a fine cell, `levels_m` the least clearance and the one
+    that is enough: more is no better.
     `labels` (H, W) becomes 0 where there is too little room, else the number of the component
     within the block; `mains` (h, w) the largest component, 0 if there is none (the first of equal
     ones); `anchors` (h, w, 2) its fine cell (row, col) with most clearance, of equal ones the most
     central; `is_main` (H, W) tells which fine cells belong to it.
     """
-    least_m, enough_m = levels_m
+    enough_m = levels_m[1]
+    everywhere_m = max(enough_m, disc_m[0] + disc_m[1])
     queue = np.empty((side * side, 2), np.int32)
     for i in range(mains.shape[0]):
         for j in range(mains.shape[1]):
             block = (slice(i * side, (i + 1) * side), slice(j * side, (j + 1) * side))
             room_m, inner = clearance_m[block], labels[block]
-            if room_m.min() >= enough_m:  # most blocks of a large hall: the same, but faster
+            if room_m.min() >= everywhere_m:  # most blocks of a large hall: the same, but faster
                 inner[:], mains[i, j], is_main[block] = 1, 1, True
                 anchors[i, j, 0] = i * side + min((side - 1) // 2, inner.shape[0] - 1)
                 anchors[i, j, 1] = j * side + min((side - 1) // 2, inner.shape[1] - 1)
                 continue
-            main = mains[i, j] = _label_block(room_m, least_m, inner, queue)
+            for row in range(inner.shape[0]):
+                for col in range(inner.shape[1]):
+                    has_room = room_m[row, col] >= levels_m[0]
+                    at = (i * side + row, j * side + col)
+                    fits = has_room and disc_fits(clearance_m, at[0], at[1], disc_m[0], disc_m[1])
+                    inner[row, col] = _UNSEEN if fits else 0
+            main = mains[i, j] = _label_block(inner, queue)
             most_m, nearest = -1.0, 0
             for row in range(inner.shape[0]):
                 for col in range(inner.shape[1]):
@@ -76,15 +88,12 @@ def label_blocks(
 
 
 @compiled
-def _label_block(
-    room_m: npt.NDArray[np.float32], least_m: float, labels: Labels, queue: npt.NDArray[np.int32]
-) -> int:
-    """Label one block, and return the number of its largest component."""
+def _label_block(labels: Labels, queue: npt.NDArray[np.int32]) -> int:
+    """Label the unseen cells of one block, and return the number of its largest component."""
     count = largest = most = 0
-    labels[:] = 0
     for row in range(labels.shape[0]):
         for col in range(labels.shape[1]):
-            if labels[row, col] == 0 and room_m[row, col] >= least_m:
+            if labels[row, col] == _UNSEEN:
                 count += 1
                 queue[0, 0], queue[0, 1] = row, col
                 labels[row, col] = count
@@ -94,7 +103,7 @@ def _label_block(
                         r = queue[done, 0] + ROW_STEPS[direction]
                         c = queue[done, 1] + COL_STEPS[direction]
                         inside = 0 <= r < labels.shape[0] and 0 <= c < labels.shape[1]
-                        if inside and labels[r, c] == 0 and room_m[r, c] >= least_m:
+                        if inside and labels[r, c] == _UNSEEN:
                             labels[r, c] = count
                             queue[size, 0], queue[size, 1] = r, c
                             size += 1

@@ -100,9 +100,10 @@ class CoarseMap:
         fine = np.zeros((*shape, 2), np.int32)
         is_main = np.empty(labels.shape, np.bool_)
         levels_m = (float(self._least_m), float(self._least_m) + WALL_COMFORT_M)
-        unit_m = self.grid.resolution_m
-        room_m = _coarse_kernels.exact_room(self._clearance_m, self.radius_m, unit_m)
-        _coarse_kernels.label_blocks(room_m, levels_m, self._side, labels, mains, fine, is_main)
+        disc_m = (float(self.radius_m), float(self.grid.resolution_m))
+        _coarse_kernels.label_blocks(
+            self._clearance_m, disc_m, levels_m, self._side, labels, mains, fine, is_main
+        )
         self.edges = np.empty((4, *shape), np.bool_)
         _coarse_kernels.open_edges(labels, mains, self._side, self.edges)
         self.components = _coarse_kernels.label_components(mains, self.edges)

@@ -162,7 +162,8 @@ def _inverse(innovation: Floats, detection: Floats) -> Floats:
         aa, ab, ac = d * f - e * e, c * e - b * f, b * e - c * d
         bb, bc, cc = a * f - c * c, b * c - a * e, a * d - b * b
         determinant = a * aa + b * ab + c * ac
-        return np.array(((aa, ab, ac), (ab, bb, bc), (ac, bc, cc))) / determinant
+        inverse: Floats = np.array(((aa, ab, ac), (ab, bb, bc), (ac, bc, cc))) / determinant
+        return inverse
     return np.asarray(np.linalg.pinv(innovation, hermitian=True), np.float64)
 
 

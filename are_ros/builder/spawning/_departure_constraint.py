@@ -13,7 +13,7 @@ import numpy.typing as npt
 from are_ros._compiled import compiled
 from are_ros.agents.behaviours.situation import Standing
 from are_ros.agents.local_planner.body import TIGHTEST, Body
-from are_ros.agents.mdp.coarse_kernels import exact_room
+from are_ros.agents.mdp.coarse_kernels import discs_fit
 from are_ros.agents.mdp.coarse_map import rounded_up_m
 from are_ros.agents.navigation.destinations import APART_M
 from are_ros.agents.navigation.profile import NavigationProfile
@@ -62,7 +62,7 @@ class DepartureConstraint:
     def is_anywhere(self) -> bool:
         """Whether any place of the map meets the constraint."""
         field, unit_m = self._terrain.clearance_m, self._terrain.grid.resolution_m
-        return bool((exact_room(field, self.radius_m, unit_m)[self._region] > 0.0).any())
+        return bool(discs_fit(field, self.radius_m, unit_m)[self._region].any())
 
     def is_free_at(self, points_m: _Floats) -> _Mask:
         """Tell at which points (N, >= 2) the disc is free, in a large enough part: bool (N,)."""
@@ -100,7 +100,7 @@ class ConnectedFreeSpace(DepartureConstraint):
         import cv2
 
         field, unit_m = self._terrain.clearance_m, self._terrain.grid.resolution_m
-        open_cells = (exact_room(field, self.radius_m, unit_m) > 0.0).view(np.uint8)
+        open_cells = discs_fit(field, self.radius_m, unit_m).view(np.uint8)
         count, labels, boxes, _ = cv2.connectedComponentsWithStats(open_cells, connectivity=4)
         sides = boxes[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
         is_roomy = np.zeros(count, np.bool_)

@@ -56,8 +56,8 @@ class CandidateCells:
         weights: npt.NDArray[np.float64] | None,
     ) -> "CandidateCells":
         """Order cells (N,) with their clearance in cells (N,) and their weights (N,)."""
-        levels = np.minimum(clearance_cells * _LEVELS_PER_CELL, _HIGHEST_LEVEL).astype(np.int64)
-        depths = (_HIGHEST_LEVEL - levels).astype(np.uint16)
+        levels = np.minimum(clearance_cells * _LEVELS_PER_CELL, _HIGHEST_LEVEL).astype(np.uint16)
+        depths = np.uint16(_HIGHEST_LEVEL) - levels
         order = np.argsort(depths, kind="stable")
         cumulative = None if weights is None else np.cumsum(weights[order])
         return cls(flat[order], depths[order], cumulative)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from are_ros.agents.mdp.coarse_kernels import exact_room
+from are_ros.agents.mdp.coarse_kernels import discs_fit
 from are_ros.agents.mdp.coarse_map import CoarseMap
 from are_ros.agents.navigation.local_way import AHEAD, LEAST_M, MARGINS, way_round
 from are_ros.agents.navigation.terrain import disc_fits
@@ -29,7 +29,7 @@ def to_points(points: list[Point]) -> npt.NDArray[np.float64]:
 def fitting(coarse: CoarseMap, radius_m: float) -> Mask:
     """Tell at which fine cells a disc fits."""
     field = coarse.ground.clearance_m
-    return exact_room(field, radius_m, coarse.grid.resolution_m) > 0.0
+    return discs_fit(field, radius_m, coarse.grid.resolution_m)
 
 
 def steps_between(open_cells: Mask, start: tuple[int, int], goal: tuple[int, int]) -> float:
