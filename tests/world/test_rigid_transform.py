@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from are_ros.errors import InvalidTransformError
-from are_ros.world.rigid_transform import MAX_REACH_M, RigidTransform
+from are_ros.world.rigid_transform import MAX_REACH_M, RigidTransform, product
 
 metres = st.floats(-100, 100)
 angles = st.floats(-math.pi, math.pi)
@@ -27,6 +27,17 @@ def test_yaw_pitch_roll_turn_in_that_order(
     assert transform.translation_m.tolist() == [x, y, z]
 
 
+@pytest.mark.parametrize(
+    ("left", "right"),
+    [((3,), (3,)), ((5, 3), (3,)), ((3,), (3, 2)), ((4, 5, 3), (3, 3)), ((7, 5, 3), (7, 3, 4))],
+)
+def test_products_are_those_of_matrices(left: tuple[int, ...], right: tuple[int, ...]) -> None:
+    """As of numpy's operator, but for rounding."""
+    random = np.random.default_rng(2)
+    a, b = random.normal(size=left), random.normal(size=right)
+    np.testing.assert_allclose(product(a, b), a @ b, atol=1e-14)
+
+
 @given(transforms, transforms)
 def test_composition_multiplies_matrices(a: RigidTransform, b: RigidTransform) -> None:
     """The matrix of a @ b is the product of the matrices, its quaternion of unit length."""
@@ -37,8 +48,8 @@ def test_composition_multiplies_matrices(a: RigidTransform, b: RigidTransform) -
 @given(transforms)
 def test_the_inverse_undoes(a: RigidTransform) -> None:
     """A transform composed with its inverse is the identity, from either side."""
-    for product in (a @ a.inverse(), a.inverse() @ a):
-        np.testing.assert_allclose(product.matrix(), np.eye(4), atol=1e-11)
+    for both in (a @ a.inverse(), a.inverse() @ a):
+        np.testing.assert_allclose(both.matrix(), np.eye(4), atol=1e-11)
 
 
 @given(transforms, metres, metres, metres)

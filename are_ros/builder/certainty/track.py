@@ -157,11 +157,11 @@ def _inverse(innovation: Floats, detection: Floats) -> Floats:
     Such a component may be known exactly, and is then not corrected. The inverse is by cofactors:
     LAPACK's has other last bits on other processors.
     """
-    if np.linalg.det(detection):
-        (a, b, c), (_, d, e), (_, _, f) = innovation.tolist()
-        aa, ab, ac = d * f - e * e, c * e - b * f, b * e - c * d
-        bb, bc, cc = a * f - c * c, b * c - a * e, a * d - b * b
-        determinant = a * aa + b * ab + c * ac
+    (a, b, c), (_, d, e), (_, _, f) = innovation.tolist()
+    aa, ab, ac = d * f - e * e, c * e - b * f, b * e - c * d
+    bb, bc, cc = a * f - c * c, b * c - a * e, a * d - b * b
+    determinant = a * aa + b * ab + c * ac
+    if determinant > 0.0 and np.linalg.det(detection):
         inverse: Floats = np.array(((aa, ab, ac), (ab, bb, bc), (ac, bc, cc))) / determinant
         return inverse
     return np.asarray(np.linalg.pinv(innovation, hermitian=True), np.float64)

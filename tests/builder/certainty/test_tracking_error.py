@@ -125,6 +125,18 @@ def test_errors_are_correlated_in_time() -> None:
     assert abs(late) < 0.1
 
 
+def test_a_detection_corrects_as_a_kalman_filter_does() -> None:
+    """The covariance is P - P H' (H P H' + N)^-1 H P, for correlated noise, too."""
+    random = np.random.default_rng(5)
+    for _ in range(50):
+        track = TrackingError(random, random.normal(size=(3, 3)), random.normal(size=(3, 3)))
+        track.predict(Process.of(SETTINGS, 0.3))
+        before, detection = track.covariance, np.tril(random.normal(size=(3, 3)))
+        track.correct(detection)
+        gain = before[:, :3] @ np.linalg.inv(before[:3, :3] + detection @ detection.T)
+        np.testing.assert_allclose(track.covariance, before - gain @ before[:3], atol=1e-9)
+
+
 def test_without_noise_the_error_is_nothing() -> None:
     """Neither inverse nor draw brings one in."""
     nothing = np.zeros((3, 3))
