@@ -123,7 +123,9 @@ class Simulation:
         if is_static:
             self.frames.set_static(parent, child, translation_m, rotation_xyzw)
         else:
-            self.frames.set_transform(parent, child, stamp_ns, translation_m, rotation_xyzw)
+            self.frames.set_transform(
+                parent, child, stamp_ns, translation_m, rotation_xyzw, now_ns=received_ns
+            )
         self.sensors.transforms_came(received_ns)
 
     def receive_odometry(
@@ -142,7 +144,13 @@ class Simulation:
             return
         child = child or self.robots.base_frame()
         self.frames.set_transform(
-            parent, child, stamp_ns, translation_m, rotation_xyzw, source=source
+            parent,
+            child,
+            stamp_ns,
+            translation_m,
+            rotation_xyzw,
+            source=source,
+            now_ns=received_ns,
         )
         self.sensors.transforms_came(received_ns)
 

@@ -183,6 +183,21 @@ def test_a_clock_that_jumps_back_forgets_the_future() -> None:
     assert not tree.has_frame("map")
 
 
+def test_samples_far_ahead_of_the_clock_give_way() -> None:
+    """After a clock jumped back, what was still on its way; tf2 would drop all others till then."""
+    tree, still = FrameTree(), ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    for stamp_ns, now_ns in ((0, 0), (58 * S, 2 * S), (2 * S, 2 * S), (3 * S, 3 * S)):
+        tree.set_transform("odom", "base", stamp_ns, *still, now_ns=now_ns)
+        tree.set_transform("odom", "other", stamp_ns, *still)
+    assert tree.latest_common_time("odom", "base") == 3 * S
+    assert tree.latest_common_time("odom", "other") == 58 * S
+    said = tree.drain_notices()
+    assert "transforms of base stamped more than 10 s ahead of the clock are forgotten" in said
+    tree.set_transform("odom", "base", 12 * S, *still, now_ns=4 * S)
+    tree.set_transform("odom", "base", 4 * S, *still, now_ns=4 * S)
+    assert tree.latest_common_time("odom", "base") == 12 * S
+
+
 # --- order
 
 

@@ -1,6 +1,7 @@
 """The tables of a frame tree: frames by name and number, and each edge's samples in time order."""
 
 import struct
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
@@ -230,9 +231,11 @@ class EdgeTable:
         self.samples[begin : begin + count] = self.samples[edge.first : edge.end].copy()
         edge.first, edge.end = begin, begin + count
 
-    def forget_after(self, now_ns: int) -> None:
-        """Drop the samples of dynamic edges stamped after `now_ns`; an emptied edge goes."""
-        for edge in [edge for edge in self.edges.values() if not edge.is_static]:
+    def forget_after(self, now_ns: int, edges: Iterable[Edge] | None = None) -> None:
+        """Drop the samples stamped after `now_ns` of dynamic edges (all); an emptied one goes."""
+        for edge in tuple(self.edges.values() if edges is None else edges):
+            if edge.is_static:
+                continue
             stamps = self.samples[edge.first : edge.end, STAMP]
             edge.end = edge.first + int(np.searchsorted(stamps, now_ns, side="right"))
             if edge.end == edge.first:

@@ -109,8 +109,12 @@ class FrameTree:
         rotation_xyzw: Values,
         *,
         source: TransformSource = TransformSource.TF,
+        now_ns: int | None = None,
     ) -> None:
         """Take parent_from_child at a stamp: translation (3,) [m], quaternion (4,) x y z w.
+
+        With a clock, samples of the frame that are stamped more than the history ahead of `now_ns`
+        give way to one that is not: tf2 would drop all others until the clock is there.
 
         The quaternion is normalised; InvalidTransformError if its squared norm is further than 0.01
         from 1, a number is not finite, a coordinate exceeds 1e7 m, a name is empty or both names
@@ -130,7 +134,7 @@ class FrameTree:
                 if edge.source > source:
                     self._said_overruled.add((below, source))
         above, below = self._number_pair(parent, child)
-        self._receive(Claim(above, below, stamp_ns, pose, source, is_static=False))
+        self._receive(Claim(above, below, stamp_ns, pose, source, is_static=False), now_ns)
 
     def set_static(
         self,
@@ -252,12 +256,19 @@ class FrameTree:
         ]
         return sorted(listed, key=lambda edge: (edge.parent, edge.child))
 
-    def _receive(self, claim: Claim) -> None:
+    def _receive(self, claim: Claim, now_ns: int | None) -> None:
         """Store a stamped claim that is new in some way: edge, parent, source or order."""
         admitted = self._precedence.admit(claim)
         if admitted is None:
             return
         edge, stamp_ns = self._edge_for(admitted), admitted.stamp_ns
+        if now_ns is not None and stamp_ns <= now_ns < edge.newest_ns - self._history_ns:
+            self._table.forget_after(now_ns, [edge])
+            edge = self._edge_for(admitted)
+            self._notices.say(
+                f"transforms of {self._names[edge.child]} stamped more than"
+                f" {self._history_ns / NS_PER_S:g} s ahead of the clock are forgotten"
+            )
         if edge.end == edge.first or stamp_ns > edge.newest_ns:
             self._table.append(edge, admitted.parent, stamp_ns, admitted.pose)
         elif not self._table.insert(edge, admitted.parent, stamp_ns, admitted.pose):
