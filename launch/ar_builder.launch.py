@@ -99,6 +99,7 @@ def in_any_namespace(path: Path) -> Path:
     """
     text = path.read_text(encoding="utf-8")
     copy = Path(tempfile.mkdtemp(prefix="ar_builder_"), path.name)
-    anywhere = re.sub(r"^/?ar_builder:", "/**/ar_builder:", text, flags=re.MULTILINE)
+    ours = r"^([\"']?)/?ar_builder\1:"
+    anywhere = re.sub(ours, "/**/ar_builder:", text, flags=re.MULTILINE)
     copy.write_text(anywhere, encoding="utf-8")
     return copy

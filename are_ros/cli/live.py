@@ -50,17 +50,17 @@ def node(
     """
     require_ros()
     from are_ros.node.startup import main as run_node
-    from are_ros.parameters.ros_yaml import assignment_for_ros, files_beside, in_any_namespace
+    from are_ros.parameters.ros_yaml import assignment_for_ros, parameter_files_for_ros
 
     _check_ros_args(ros_args)
-    beside = [
-        f"{name}:={file}" for path in parameter_files for name, file in files_beside(path).items()
-    ]
-    values = tuple(map(assignment_for_ros, (*beside, *assignments)))
+    values = tuple(map(assignment_for_ros, assignments))
+    remapped = [word.partition("__ns:=")[2] for word in ros_args if word.startswith("__ns:=")]
+    home = namespace or (remapped[0] if remapped else "")
+    texts = [text for path in parameter_files for text in parameter_files_for_ros(path, home)]
     with TemporaryDirectory(prefix="ar_builder_") as folder:
-        copies = [Path(folder, f"{number}.yaml") for number in range(len(parameter_files))]
-        for path, copy in zip(parameter_files, copies, strict=True):
-            copy.write_text(in_any_namespace(path), encoding="utf-8")
+        copies = [Path(folder, f"{number}.yaml") for number in range(len(texts))]
+        for text, copy in zip(texts, copies, strict=True):
+            copy.write_text(text, encoding="utf-8")
         given = _ros_words(copies, values, namespace, use_sim_time=use_sim_time)
         sys.exit(run_node(["--ros-args", *given, "--", *ros_args]))
 

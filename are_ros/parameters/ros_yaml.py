@@ -30,25 +30,21 @@ _OF_THE_NODE = tuple(item.path for item in describe(NodeParameters()))
 def read_ros_parameters(path: Path) -> dict[str, Any]:
     """Return the values by path that a file gives to the node `ar_builder`.
 
-    Sections `/**`, `ar_builder` and any `/name/space/ar_builder` count, also where namespaces are
+    Sections `/**`, `ar_builder` and `/name/space/ar_builder` count, also where namespaces are
     nested, later ones win; names that rclpy itself owns (use_sim_time and the like), and the
     node's own (autostart), are left to them. Raises ParameterError, also where nothing in the
-    file is for the node.
+    file is for the node, or where it names the node in two namespaces.
     """
-    content = read_yaml(path, f"parameter file {path}", ParameterError)
-    if not isinstance(content, Mapping):
-        raise ParameterError(f"parameter file {path}: its top level is not a mapping")
-    sections = [*_sections(content)]
-    ours = [(node, section) for node, section in sections if _is_for_us(node)]
-    if not ours:
-        reason = _why_not_for_us(content, [node for node, _ in sections])
-        raise ParameterError(f"parameter file {path} holds nothing for {_NODE}: {reason}")
+    sections = _our_sections(path)
+    nodes = {_full_name(node) for node, _ in sections if node.strip("/") != _NODE}
+    named = sorted(node for node in nodes if "*" not in node)
+    if len(named) > 1:
+        raise ParameterError(
+            f"parameter file {path} is for several nodes, {listed(named)}: give a file for one"
+        )
     values: dict[str, Any] = {}
-    for node, section in ours:
-        own = section.get(_SECTION) if isinstance(section, Mapping) else None
-        if not isinstance(own, Mapping):
-            raise ParameterError(f"parameter file {path}: '{node}' has no {_SECTION} mapping")
-        values.update(_flattened(own))
+    for _, own in sections:
+        values.update(own)
     not_ours = {*_OF_ROS_ITSELF, *_OF_THE_NODE}
     return {name: v for name, v in values.items() if name.split(".")[0] not in not_ours}
 
@@ -58,33 +54,72 @@ def with_file(parameters: Parameters, path: Path) -> Parameters:
 
     A file that it names is looked for beside it, else from the present folder.
     """
-    values = {**read_ros_parameters(path), **files_beside(path)}
+    values = read_ros_parameters(path)
     try:
-        return with_values(parameters, values)
+        return with_values(parameters, {**values, **_files_beside(path, values)})
     except ParameterError as cause:
         raise ParameterError(f"{path}: {cause}") from cause
 
 
-def files_beside(path: Path) -> dict[str, str]:
-    """Return the files that a parameter file names, by parameter: with the path of one beside it.
+def parameter_files_for_ros(path: Path, namespace: str = "") -> list[str]:
+    """Return the texts of the parameter files that ROS is to read, in order, in place of one.
 
-    One that is not beside it stays as it is given: from the present folder.
+    The first is the file itself, but `ar_builder:` holds in every namespace: ROS applies that line
+    to /ar_builder only, and a node in a namespace would keep its defaults without a warning. The
+    second, if there is one, names the files beside it by their path, section by section.
+    ParameterError if the file cannot be read, or holds nothing for the node in the namespace.
     """
-    values = read_ros_parameters(path)
-    given = {name: str(values[name]) for name in _FILES if values.get(name)}
-    beside = {name: path.parent / file for name, file in given.items()}
-    return {name: str(beside[name]) if beside[name].is_file() else given[name] for name in given}
-
-
-def in_any_namespace(path: Path) -> str:
-    """Return the text of a parameter file whose `ar_builder:` holds in every namespace.
-
-    ROS applies that line to /ar_builder only: a node in a namespace would keep its defaults without
-    a warning. ParameterError if the file cannot be read.
-    """
-    read_ros_parameters(path)
+    sections = _our_sections(path)
+    node = _full_name(f"{namespace}/{_NODE}")
+    if not any(_addresses(section, node) for section, _ in sections):
+        others = listed(sorted({_full_name(section) for section, _ in sections}))
+        raise ParameterError(f"parameter file {path} holds nothing for {node}: it is for {others}")
     text = path.read_text(encoding="utf-8")
-    return re.sub(rf"^/?{_NODE}:", f"/**/{_NODE}:", text, flags=re.MULTILINE)
+    ours = rf"^([\"']?)/?{_NODE}\1:"
+    texts = [re.sub(ours, f"/**/{_NODE}:", text, flags=re.MULTILINE)]
+    beside = ((section, _files_beside(path, own)) for section, own in sections)
+    found = {_in_any_namespace(section): {_SECTION: files} for section, files in beside if files}
+    return [*texts, yaml.safe_dump(found, sort_keys=False)] if found else texts
+
+
+def _our_sections(path: Path) -> list[tuple[str, dict[str, Any]]]:
+    """Return name and values by path of each section for a node of our name. ParameterError."""
+    content = read_yaml(path, f"parameter file {path}", ParameterError)
+    if not isinstance(content, Mapping):
+        raise ParameterError(f"parameter file {path}: its top level is not a mapping")
+    sections = [*_sections(content)]
+    ours = [(node, section) for node, section in sections if _is_for_us(node)]
+    if not ours:
+        reason = _why_not_for_us(content, [node for node, _ in sections])
+        raise ParameterError(f"parameter file {path} holds nothing for {_NODE}: {reason}")
+    found = []
+    for node, section in ours:
+        own = section.get(_SECTION) if isinstance(section, Mapping) else None
+        if not isinstance(own, Mapping):
+            raise ParameterError(f"parameter file {path}: '{node}' has no {_SECTION} mapping")
+        found.append((node, dict(_flattened(own))))
+    return found
+
+
+def _files_beside(path: Path, values: Mapping[str, Any]) -> dict[str, str]:
+    """Return the files among values that lie beside a parameter file, with their paths."""
+    beside = {name: path.parent / str(values[name]) for name in _FILES if values.get(name)}
+    return {name: str(file) for name, file in beside.items() if file.is_file()}
+
+
+def _full_name(node: str) -> str:
+    return "/" + node.strip("/")
+
+
+def _in_any_namespace(section: str) -> str:
+    return f"/**/{_NODE}" if section.strip("/") == _NODE else section
+
+
+def _addresses(section: str, node: str) -> bool:
+    """Tell whether a section's name is for a node, as rcl matches names."""
+    words = _full_name(_in_any_namespace(section))[1:].split("/")
+    anything = {"*": "/[^/]+", "**": "(/[^/]+)*"}
+    return bool(re.fullmatch("".join(anything.get(w, "/" + re.escape(w)) for w in words), node))
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:

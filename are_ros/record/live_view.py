@@ -34,6 +34,7 @@ from are_ros.parameters.declaration import Description, describe, value_at, with
 from are_ros.parameters.model import Parameters
 from are_ros.replay.pictures import place_of
 from are_ros.replay.recorded_scene import AUGMENTED_SCAN, SceneReader, other_camera_roles
+from are_ros.wording import listed
 from are_ros.world.cameras import Camera
 
 Say = Callable[[str], None]
@@ -109,11 +110,19 @@ class RemoteNode:
         for name, value in fields.items():
             setattr(request, name, value)
         if not self._awaited(client.service_is_ready):
-            raise NodeError(f"{self.name} is not running: there is no {self.name}/{service}")
+            raise NodeError(
+                f"{self.name} is not running: there is no {self.name}/{service}{self._others()}"
+            )
         future = client.call_async(request)
         if not self._awaited(future.done):
             raise NodeError(f"{self.name}/{service} does not answer")
         return future.result()
+
+    def _others(self) -> str:
+        """Return what to add where nodes of this name run in other namespaces."""
+        known = self.node.get_node_names_and_namespaces()
+        others = [f"{place.rstrip('/')}/{name}" for name, place in known if name == _NODE]
+        return f"; --namespace names that of {listed(sorted(others))}" if others else ""
 
     def parameters(self) -> Parameters:
         """Return the current parameters of the node."""
@@ -177,7 +186,10 @@ class LiveView:
         node, remote = self._remote.node, self._remote
         scans = [remote.topic(name) for name in self._parameters.sensors.scans]
         topics = [*((role, remote.topic(role)) for role in _INPUTS), *(("scan", t) for t in scans)]
-        for role, topic in (("tf", "/tf"), ("tf_static", "/tf_static"), *topics):
+        # Robots of their own namespaces have a /tf in common, or each its own.
+        places = dict.fromkeys(("", remote.namespace))
+        transforms = [(role, f"{place}/{role}") for role in ("tf", "tf_static") for place in places]
+        for role, topic in (*transforms, *topics):
             subscribe(node, role, self._callback(role, INPUTS[role].type_name), topic)
         for topic, role in other_camera_roles(self._parameters).items():
             callback = self._callback(role, INPUTS[OTHER_CAMERA].type_name)

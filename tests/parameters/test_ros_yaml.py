@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -12,8 +13,7 @@ from are_ros.parameters.declaration import Description, describe, flatten, with_
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import (
     assignment_for_ros,
-    files_beside,
-    in_any_namespace,
+    parameter_files_for_ros,
     parse_assignment,
     read_ros_parameters,
     with_file,
@@ -105,12 +105,11 @@ def test_files_are_looked_for_beside_the_parameter_file(tmp_path: Path) -> None:
         "ar_builder:\n  ros__parameters:\n    catalogue: mine.yaml\n"
         f"    population: {{zones: other.yaml, scenario: {tmp_path / 'mine.yaml'}}}\n"
     )
-    beside = {
-        "catalogue": str(tmp_path / "mine.yaml"),
-        "population.zones": "other.yaml",
-        "population.scenario": str(tmp_path / "mine.yaml"),
-    }
-    assert files_beside(path) == beside
+    mine = str(tmp_path / "mine.yaml")
+    beside = {"catalogue": mine, "population.scenario": mine}
+    whole, second = parameter_files_for_ros(path)
+    assert whole == "/**/" + path.read_text(encoding="utf-8")
+    assert yaml.safe_load(second) == {"/**/ar_builder": {"ros__parameters": beside}}
     parameters = with_file(Parameters(), path)
     assert parameters.catalogue == str(tmp_path / "mine.yaml")
     assert parameters.population.zones == "other.yaml"
@@ -230,9 +229,63 @@ def test_a_file_for_one_node_holds_in_every_namespace(tmp_path: Path) -> None:
     """What ROS would take for /ar_builder alone; other lines stay as they are."""
     path = tmp_path / "my.yaml"
     path.write_text("# mine\nar_builder:\n  ros__parameters:\n    seed: 3\n", encoding="utf-8")
-    text = in_any_namespace(path)
+    (text,) = parameter_files_for_ros(path, "robot")
     assert text == "# mine\n/**/ar_builder:\n  ros__parameters:\n    seed: 3\n"
     path.write_text(text, encoding="utf-8")
     assert read_ros_parameters(path) == {"seed": 3}
+    path.write_text('"ar_builder":\n  ros__parameters: {seed: 3}\n', encoding="utf-8")
+    assert parameter_files_for_ros(path) == ["/**/ar_builder:\n  ros__parameters: {seed: 3}\n"]
     with pytest.raises(ParameterError, match=r"none\.yaml"):
-        in_any_namespace(tmp_path / "none.yaml")
+        parameter_files_for_ros(tmp_path / "none.yaml")
+
+
+TWO_ROBOTS = """
+/**: {ros__parameters: {seed: 1}}
+/robot1/ar_builder: {ros__parameters: {catalogue: mine.yaml}}
+robot2: {ar_builder: {ros__parameters: {catalogue: yours.yaml}}}
+"""
+
+
+def test_files_of_two_robots_stay_apart(tmp_path: Path) -> None:
+    """Each has those of its own section; who reads without a namespace is told of the two."""
+    path = tmp_path / "two.yaml"
+    path.write_text(TWO_ROBOTS, encoding="utf-8")
+    for name in ("mine.yaml", "yours.yaml"):
+        (tmp_path / name).touch()
+    text, second = parameter_files_for_ros(path, "/robot1")
+    assert text == TWO_ROBOTS
+    files = {node: own["ros__parameters"] for node, own in yaml.safe_load(second).items()}
+    assert files == {
+        "/robot1/ar_builder": {"catalogue": str(tmp_path / "mine.yaml")},
+        "robot2/ar_builder": {"catalogue": str(tmp_path / "yours.yaml")},
+    }
+    with pytest.raises(ParameterError) as caught:
+        read_ros_parameters(path)
+    several = "is for several nodes, /robot1/ar_builder and /robot2/ar_builder: give a file for one"
+    assert str(caught.value) == f"parameter file {path} {several}"
+
+
+@pytest.mark.parametrize(
+    ("section", "namespaces"),
+    [
+        ("/**", ("", "a", "a/b")),
+        ("/**/ar_builder", ("", "a", "a/b")),
+        ("ar_builder", ("", "a", "a/b")),
+        ("/*/ar_builder", ("a",)),
+        ("a/ar_builder", ("a",)),
+        ("/a/**", ("a", "a/b")),
+        ("/a/*", ("a",)),
+    ],
+)
+def test_a_section_is_for_the_nodes_that_ros_has_it_for(
+    tmp_path: Path, section: str, namespaces: tuple[str, ...]
+) -> None:
+    """A file for another node is refused, not left without effect."""
+    path = tmp_path / "p.yaml"
+    path.write_text(f"{section}: {{ros__parameters: {{seed: 1}}}}", encoding="utf-8")
+    for namespace in ("", "a", "a/b"):
+        if namespace in namespaces:
+            assert parameter_files_for_ros(path, namespace)
+            continue
+        with pytest.raises(ParameterError, match="holds nothing for /"):
+            parameter_files_for_ros(path, namespace)

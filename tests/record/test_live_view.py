@@ -13,6 +13,7 @@ from tests.ros import NOT_SET_UP, WAIT_S
 pytest.importorskip("rclpy", reason=NOT_SET_UP)
 
 from are_ros.draw.viewer import MISSING_VISER, has_viser, start_server, stop_server
+from are_ros.errors import NodeError
 from are_ros.node.startup import executor_of, ros_session
 from are_ros.parameters.declaration import describe
 from are_ros.parameters.model import Parameters
@@ -36,12 +37,14 @@ def running(*words: object) -> Iterator["subprocess.Popen[bytes]"]:
 
 
 @contextmanager
-def looking() -> Iterator[tuple[LiveView, RemoteNode, Callable[[Callable[[], bool]], None]]]:
+def looking(
+    namespace: str = "",
+) -> Iterator[tuple[LiveView, RemoteNode, Callable[[Callable[[], bool]], None]]]:
     """Open the live viewer; the callable goes on until something is the case."""
     server = start_server(0)
     try:
         with ros_session("are_viewer") as node, executor_of(node) as executor:
-            remote = RemoteNode(node, executor, "", lambda: False)
+            remote = RemoteNode(node, executor, namespace, lambda: False)
             live = LiveView(server, remote, remote.parameters())
 
             def until(is_so: Callable[[], bool]) -> None:
@@ -79,6 +82,28 @@ def test_it_shows_the_running_node_and_changes_what_can_change(ros_available: No
 
         assert "paused" in live.pause(is_paused=True)
         until(lambda: len(live.ticks[-1].artefacts) == 0)
+
+
+@needs_viser
+def test_a_robot_may_have_a_namespace_and_its_transforms_there(ros_available: None) -> None:
+    """As Nav2 starts several robots; who names no namespace is told of it."""
+    del ros_available
+    node = ["node", "--params", SAMPLE.with_suffix(".yaml"), "--use-sim-time"]
+    node += ["--namespace", "robot", "--ros-args", "-r", "/tf:=tf", "-r", "/tf_static:=tf_static"]
+    topics = ("/tf", "/tf_static", "/map", "/scan", "/odom", "/camera/camera_info")
+    play = ["play", SAMPLE, "--loop", "--wait-for", "/robot/ar_builder"]
+    play += [word for topic in topics for word in ("--remap", f"{topic}:=/robot{topic}")]
+    with running(*node), running(*play):
+        with looking("robot") as (live, _, until):
+            until(lambda: any(tick.map_from_camera is not None for tick in live.ticks))
+            until(lambda: any(tick.scans for tick in live.ticks))
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("are_ros.record.live_view._PATIENCE_S", 3.0)
+            with (
+                pytest.raises(NodeError, match=r"--namespace names that of /robot/ar_builder"),
+                looking(),
+            ):
+                pass
 
 
 def test_sliders_have_room_for_a_hand() -> None:
