@@ -8,7 +8,7 @@ order of the file, give the time: `RecordedMessage.at_ns`.
 import json
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Collection, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -32,6 +32,7 @@ from are_ros.messages.sensors import CAMERA_INFO_TYPE, OUTPUT_TYPES, SENSORS
 from are_ros.messages.tick_encoding import ALL_OUTPUTS, OUTPUTS
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
+from are_ros.wording import listed
 
 PREFIX: Final = "/ar_builder/"
 INPUT_TYPES: Final = (
@@ -194,6 +195,23 @@ class LiveTicks:
         return self.stamps_ns[max(bisect_right(self.places, place) - 1, 0)]
 
 
+def home_of(topics: Iterable[str], where: str) -> str:
+    """Return the namespace of the node whose outputs are among topics; "" for none, and for /.
+
+    BagError names `where` if there are several nodes, none of them in the namespace /.
+    """
+    homes = sorted({topic.split(PREFIX)[0] for topic in topics if PREFIX in topic})
+    if len(homes) > 1 and homes[0]:
+        nodes = listed([home + PREFIX.rstrip("/") for home in homes])
+        raise BagError(f"{where}: it holds topics of several nodes, {nodes}: record one alone")
+    return homes[0] if homes else ""
+
+
+def without_home(topic: str, home: str) -> str:
+    """Return the name of a topic as a node without that namespace has it: /a/scan as /scan."""
+    return topic[len(home) :] if topic.startswith(f"{home}/") else topic
+
+
 class RecordedMessage(NamedTuple):
     """A recorded message; `Recording.decode` makes a value of it.
 
@@ -211,19 +229,28 @@ class RecordedMessage(NamedTuple):
 class Recording:
     """The messages of a recording, any number of times; a context manager, open inside `with`.
 
-    BagError where it cannot be opened or read.
+    Of a node in a namespace, topics have the names that they would have without it. BagError where
+    it cannot be opened or read.
     """
 
     def __init__(self, files: RecordingFiles) -> None:
         self.files = files
         self._reader = BagReader([files.path])
+        self._names: dict[str, str] = {}
         self._connections: dict[tuple[str, str], Any] = {}
         self._ticks: LiveTicks | None = None
 
     def __enter__(self) -> "Recording":  # noqa: PYI034 (Self came with Python 3.11)
         self._reader.__enter__()
+        names = [topic.name for topic in self._reader.topics]
+        try:
+            home = home_of(names, str(self.files.path))
+        except BagError:
+            self._reader.__exit__(None, None, None)
+            raise
+        self._names = {name: without_home(name, home) for name in names}
         connections = self._reader.connections()
-        self._connections = {(one.topic, one.msgtype): one for one in connections}
+        self._connections = {(self._names[one.topic], one.msgtype): one for one in connections}
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -232,7 +259,8 @@ class Recording:
     @property
     def topics(self) -> tuple[BagTopic, ...]:
         """The topics, in order of name."""
-        return self._reader.topics
+        topics = [replace(one, name=self._names[one.name]) for one in self._reader.topics]
+        return tuple(sorted(topics, key=lambda topic: topic.name))
 
     @property
     def types(self) -> dict[str, str]:
@@ -255,8 +283,8 @@ class Recording:
         """
         start_ns, end_ns = self._reader.start_ns, self._reader.end_ns
         progress = open_progress(start_ns, end_ns) if open_progress else None
-        for topic, log_ns, data, connection in self._reader.messages(topics):
-            yield RecordedMessage(topic, connection.msgtype, log_ns, data, log_ns)
+        for topic, log_ns, data, connection in self._reader.messages(self._recorded(topics)):
+            yield RecordedMessage(self._names[topic], connection.msgtype, log_ns, data, log_ns)
             if progress:
                 progress(log_ns)
         if progress:
@@ -303,10 +331,17 @@ class Recording:
             return
         for file in self.files.files:
             with as_bag_errors(str(file)), file.open("rb") as stream:
-                raw = make_reader(stream).iter_messages([*types], log_time_order=False)
+                names = self._recorded(types)
+                raw = make_reader(stream).iter_messages(names, log_time_order=False)
                 for _, channel, message in raw:
-                    topic = channel.topic
+                    topic = self._names[channel.topic]
                     yield RecordedMessage(topic, types[topic], message.log_time, message.data)
+
+    def _recorded(self, topics: Collection[str] | None) -> list[str] | None:
+        """Return the names in the file of some topics (None: all)."""
+        if topics is None:
+            return None
+        return [recorded for recorded, name in self._names.items() if name in topics]
 
     def _live_ticks(self) -> LiveTicks:
         self._ticks = self._ticks or LiveTicks.of(self._in_file_order())

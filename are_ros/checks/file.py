@@ -1,5 +1,6 @@
 """The file itself: it opens in the mcap reader, with the topics, types and QoS of section 4."""
 
+from dataclasses import replace
 from io import SEEK_END
 from pathlib import Path
 from struct import Struct
@@ -11,9 +12,10 @@ import yaml
 from mcap.reader import make_reader
 
 from are_ros.bag.reader import sentence_of
-from are_ros.bag.recording import PREFIX
+from are_ros.bag.recording import PREFIX, home_of, without_home
 from are_ros.checks.result import CheckResult, Tally, at_s, merged, skipped
 from are_ros.conventions import NS_PER_S
+from are_ros.errors import BagError
 from are_ros.messages.sensors import OUTPUT_TYPES
 from are_ros.messages.tick_encoding import ALL_OUTPUTS, OCTOMAP, OUTPUTS
 from are_ros.wording import counted
@@ -51,6 +53,7 @@ def _check_file(path: Path, *, is_live: bool) -> list[CheckResult]:
     except Exception as cause:  # noqa: BLE001 - the reader raises all kinds on bad bytes
         reading.look()
         reading.fail(sentence_of(cause))
+    channels = _without_home(channels)
     return [
         reading.result(),
         order.result(),
@@ -104,6 +107,18 @@ def _is_summary_whole(stream: Any) -> bool:
     stream.seek(start)
     # The sum covers the footer's own head, up to where it stands itself.
     return not promised or crc32(stream.read(end + _FOOTER.size - 4 - start)) == promised
+
+
+def _without_home(channels: _Channels) -> _Channels:
+    """Return channels with the names of topics that they would have without a namespace."""
+    try:
+        home = home_of((channel.topic for channel, _ in channels.values()), "it")
+    except BagError:  # several nodes, which the opening of the recording says
+        return channels
+    return {
+        number: (replace(channel, topic=without_home(channel.topic, home)), schema)
+        for number, (channel, schema) in channels.items()
+    }
 
 
 def _check_topics(channels: _Channels, *, is_live: bool) -> CheckResult:
