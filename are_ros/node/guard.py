@@ -60,6 +60,7 @@ class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
         except UnsupportedEventTypeError as cause:
             message = f"this middleware ({rclpy.get_rmw_implementation_identifier()}) does not tell"
             raise NodeError(f"{message} whether a publisher's process runs") from cause
+        self.get_logger().info(f"waiting for {self._guarded}, to guard it")
 
     @property
     def _guarded(self) -> str:
