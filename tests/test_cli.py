@@ -281,6 +281,14 @@ def test_the_node_ends_at_a_bad_parameter(
     assert sentence in done.stderr.splitlines()[-1]
 
 
+def test_the_node_has_one_namespace(ros_available: None) -> None:
+    """Two are refused; ROS would take one of them in silence."""
+    del ros_available
+    done = run_process("node", "--namespace", "a", "--ros-args", "-r", "__ns:=/b")
+    assert done.returncode == 2
+    assert "--namespace and __ns:= are both given" in done.stderr
+
+
 def test_a_process_of_its_own_replays(tmp_path: Path) -> None:
     """`are replay` and `are check` from a real shell."""
     out = tmp_path / "out"

@@ -55,6 +55,8 @@ def node(
     _check_ros_args(ros_args)
     values = tuple(map(assignment_for_ros, assignments))
     remapped = [word.partition("__ns:=")[2] for word in ros_args if word.startswith("__ns:=")]
+    if namespace and remapped:
+        raise click.UsageError("--namespace and __ns:= are both given: one of them is enough")
     home = namespace or (remapped[0] if remapped else "")
     texts = [text for path in parameter_files for text in parameter_files_for_ros(path, home)]
     with TemporaryDirectory(prefix="ar_builder_") as folder:

@@ -1,6 +1,7 @@
 """The parameters of the core as ROS parameters of a node: declared, checked and changed."""
 
 import sys
+from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final
 
@@ -185,7 +186,7 @@ class ParameterBridge:
         known = self._items.keys() | self._node_items.keys()
         # What rclpy or other code has declared is theirs.
         own = [one for one in given if one.name in known or not self._node.has_parameter(one.name)]
-        changes = {one.name: one.value for one in own}
+        changes = {one.name: _value_of(one) for one in own}
         for path, value in changes.items():
             if path in self._node_items:
                 raise ParameterError(f"parameter '{path}': it is read at the start only")
@@ -212,6 +213,12 @@ class ParameterBridge:
         return ros_parameter(item, plain(value_at(values, item.path)))
 
 
+def _value_of(parameter: Parameter) -> Any:
+    """Return a value as YAML has it: a list where rclpy has an array of Python's."""
+    value = parameter.value
+    return value.tolist() if isinstance(value, array) else value
+
+
 def _overrides(node: Node, items: Mapping[str, Description]) -> dict[str, Any]:
     """Return the values that files and command line give, but for those that are rclpy's own.
 
@@ -219,7 +226,7 @@ def _overrides(node: Node, items: Mapping[str, Description]) -> dict[str, Any]:
     """
     given: Mapping[str, Parameter] = node._parameter_overrides  # noqa: SLF001 - it has no other name
     values = {
-        name: parameter.value
+        name: _value_of(parameter)
         for name, parameter in given.items()
         if not name.startswith(_QOS_OVERRIDES) and not node.has_parameter(name)
     }

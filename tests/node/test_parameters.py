@@ -218,6 +218,7 @@ WRONG = [
     ("sensors.scans: scan", "parameter 'sensors.scans': 'scan' is not a list"),
     ("sensors.scans: [1, 2]", "parameter 'sensors.scans': 1 is not a string"),
     ("mixture.rates: [a]", "parameter 'mixture.rates': 'a' is not a number"),
+    ("population.mean_life: [0.5]", "parameter 'population.mean_life': [0.5] is not a number"),
     ("costmap.gate: some", "parameter 'costmap.gate': 'some' is none of perceived, all"),
     ("mixture.weights: [1.0]", "1 weight and 5 rates"),
     ("mixture.weights: []", "0 weights and 5 rates"),
@@ -273,6 +274,7 @@ def test_one_by_one_each_is_a_change(bench: Bench) -> None:
 
 
 REFUSED = [
+    (Parameter("population.mean_life", value=[0.5]), "mean_life': [0.5] is not a number"),
     (Parameter("population.mean_life", value="long"), "mean_life': 'long' is not a number"),
     (Parameter("population.mean_life", value=float("nan")), "nan is not finite"),
     (Parameter("population.mean_life", value=float("inf")), "inf is not finite"),
