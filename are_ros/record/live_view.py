@@ -121,7 +121,8 @@ class RemoteNode:
     def _others(self) -> str:
         """Return what to add where nodes of this name run in other namespaces."""
         known = self.node.get_node_names_and_namespaces()
-        others = [f"{place.rstrip('/')}/{name}" for name, place in known if name == _NODE]
+        others = {f"{place.rstrip('/')}/{name}" for name, place in known if name == _NODE}
+        others.discard(self.name)  # as one that was killed is known for a while
         return f"; --namespace names that of {listed(sorted(others))}" if others else ""
 
     def parameters(self) -> Parameters:

@@ -98,7 +98,7 @@ def test_a_robot_may_have_a_namespace_and_its_transforms_there(ros_available: No
             until(lambda: any(tick.map_from_camera is not None for tick in live.ticks))
             until(lambda: any(tick.scans for tick in live.ticks))
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("are_ros.record.live_view._PATIENCE_S", 3.0)
+            patch.setattr("are_ros.record.live_view._PATIENCE_S", 8.0)
             with (
                 pytest.raises(NodeError, match=r"--namespace names that of /robot/ar_builder"),
                 looking(),
