@@ -67,12 +67,16 @@ from are_ros.node.heartbeat import offer_heartbeat
 rclpy.init()
 node = rclpy.create_node("ar_builder")
 heartbeat = offer_heartbeat(node)
+timer = node.create_timer(0.5, lambda: None)
 try:
     rclpy.spin(node)
 except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
     node.destroy_node()
 """
-"""Of the node nothing but its heartbeat."""
+"""Of the node nothing but its heartbeat.
+
+Without its timer one signal in a thousand, at the beginning of rclpy's spin, wakes nobody up.
+"""
 READY, PREPARING = "active: artefacts arrive", "preparing the kernels"
 SOON_S = 10.0
 """So long after a signal the process has ended, which takes one or two on an idle machine, and half
