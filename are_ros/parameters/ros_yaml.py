@@ -66,7 +66,7 @@ def parameter_files_for_ros(path: Path, namespace: str = "") -> list[str]:
 
     The first is the file itself, but `ar_builder:` holds in every namespace: ROS applies that line
     to /ar_builder only, and a node in a namespace would keep its defaults without a warning. The
-    second, if there is one, names the files beside it by their path, section by section.
+    second, where it names files, names those beside it by their path, section by section.
     ParameterError if the file cannot be read, or holds nothing for the node in the namespace.
     """
     sections = _our_sections(path)
@@ -101,10 +101,14 @@ def _our_sections(path: Path) -> list[tuple[str, dict[str, Any]]]:
     return found
 
 
-def _files_beside(path: Path, values: Mapping[str, Any]) -> dict[str, str]:
-    """Return the files among values that lie beside a parameter file, with their paths."""
-    beside = {name: path.parent / str(values[name]) for name in _FILES if values.get(name)}
-    return {name: str(file) for name, file in beside.items() if file.is_file()}
+def _files_beside(path: Path, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values that name files: with the path of one beside a parameter file.
+
+    One that is not beside it, or that is taken back by an empty name, stays as it is given.
+    """
+    given = {name: values[name] for name in _FILES if values.get(name) is not None}
+    beside = {name: path.parent / str(file) for name, file in given.items()}
+    return {name: str(beside[name]) if beside[name].is_file() else given[name] for name in given}
 
 
 def _full_name(node: str) -> str:

@@ -106,7 +106,7 @@ def test_files_are_looked_for_beside_the_parameter_file(tmp_path: Path) -> None:
         f"    population: {{zones: other.yaml, scenario: {tmp_path / 'mine.yaml'}}}\n"
     )
     mine = str(tmp_path / "mine.yaml")
-    beside = {"catalogue": mine, "population.scenario": mine}
+    beside = {"catalogue": mine, "population.zones": "other.yaml", "population.scenario": mine}
     whole, second = parameter_files_for_ros(path)
     assert whole == "/**/" + path.read_text(encoding="utf-8")
     assert yaml.safe_load(second) == {"/**/ar_builder": {"ros__parameters": beside}}
@@ -240,9 +240,9 @@ def test_a_file_for_one_node_holds_in_every_namespace(tmp_path: Path) -> None:
 
 
 TWO_ROBOTS = """
-/**: {ros__parameters: {seed: 1}}
+/**: {ros__parameters: {seed: 1, population.zones: mine.yaml}}
 /robot1/ar_builder: {ros__parameters: {catalogue: mine.yaml}}
-robot2: {ar_builder: {ros__parameters: {catalogue: yours.yaml}}}
+robot2: {ar_builder: {ros__parameters: {catalogue: yours.yaml, population.zones: ""}}}
 """
 
 
@@ -256,8 +256,9 @@ def test_files_of_two_robots_stay_apart(tmp_path: Path) -> None:
     assert text == TWO_ROBOTS
     files = {node: own["ros__parameters"] for node, own in yaml.safe_load(second).items()}
     assert files == {
+        "/**": {"population.zones": str(tmp_path / "mine.yaml")},
         "/robot1/ar_builder": {"catalogue": str(tmp_path / "mine.yaml")},
-        "robot2/ar_builder": {"catalogue": str(tmp_path / "yours.yaml")},
+        "robot2/ar_builder": {"catalogue": str(tmp_path / "yours.yaml"), "population.zones": ""},
     }
     with pytest.raises(ParameterError) as caught:
         read_ros_parameters(path)

@@ -17,7 +17,6 @@ Labels = npt.NDArray[np.uint16]
 ROW_STEPS: Final = (0, 1, 0, -1)
 COL_STEPS: Final = (1, 0, -1, 0)
 
-
 _UNSEEN: Final = 65535
 """The label of a cell that no component has taken yet."""
 
@@ -54,8 +53,8 @@ def label_blocks(
     ones); `anchors` (h, w, 2) its fine cell (row, col) with most clearance, of equal ones the most
     central; `is_main` (H, W) tells which fine cells belong to it.
     """
-    enough_m = levels_m[1]
-    everywhere_m = max(enough_m, disc_m[0] + disc_m[1])
+    least_m, enough_m = levels_m
+    everywhere_m = max(enough_m, disc_m[0] + disc_m[1])  # from there on a disc fits, too
     queue = np.empty((side * side, 2), np.int32)
     for i in range(mains.shape[0]):
         for j in range(mains.shape[1]):
@@ -68,8 +67,8 @@ def label_blocks(
                 continue
             for row in range(inner.shape[0]):
                 for col in range(inner.shape[1]):
-                    has_room = room_m[row, col] >= levels_m[0]
-                    at = (i * side + row, j * side + col)
+                    at = i * side + row, j * side + col
+                    has_room = room_m[row, col] >= least_m
                     fits = has_room and disc_fits(clearance_m, at[0], at[1], disc_m[0], disc_m[1])
                     inner[row, col] = _UNSEEN if fits else 0
             main = mains[i, j] = _label_block(inner, queue)
