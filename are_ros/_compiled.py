@@ -19,7 +19,8 @@ from numba.core.caching import (
     UserProvidedCacheLocator,
 )
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
+from numba.core.compiler import Compiler, Flags
+from numba.core.dispatcher import _FunctionCompiler  # type: ignore[attr-defined] # not typed
 from numba.core.registry import CPUDispatcher
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -61,9 +62,10 @@ class _Kernel(CPUDispatcher):  # type: ignore[misc] # numba is not typed
     """
 
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
-        super().__init__(function, targetoptions=options)
+        super().__init__(function, targetoptions=options, pipeline_class=_KernelCompiler)
+        self._compiler = _WithQuickFlags(function, self.targetdescr, options, {}, _KernelCompiler)
         self._cache = KernelCache(function)  # as `enable_caching` of numba does
-        self._part = _Part(function, targetoptions=options, pipeline_class=_PartCompiler)
+        self._part = _Part(function, options)
 
     @property
     def _numba_type_(self) -> types.Type:
@@ -79,6 +81,10 @@ class _Kernel(CPUDispatcher):  # type: ignore[misc] # numba is not typed
 
 class _Part(CPUDispatcher):  # type: ignore[misc] # numba is not typed
     """A kernel as others call it: no machine code of its own, its code is put into theirs."""
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        super().__init__(function, targetoptions=options, pipeline_class=_PartCompiler)
+        self._compiler = _WithQuickFlags(function, self.targetdescr, options, {}, _PartCompiler)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Return what numba calls for arguments of some types; literals count as their plain type.
@@ -96,6 +102,17 @@ class _Part(CPUDispatcher):  # type: ignore[misc] # numba is not typed
         self.overloads[tuple(result.signature.args)] = result
 
 
+class _KernelCompiler(Compiler):  # type: ignore[misc] # numba is not typed
+    """Compiles to machine code, into a library of ours."""
+
+    def define_pipelines(self) -> Any:
+        """Return the passes of the compiler."""
+        state = self.state
+        state.library = _KernelLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library.enable_object_caching()
+        return super().define_pipelines()
+
+
 class _PartCompiler(Compiler):  # type: ignore[misc] # numba is not typed
     """Goes as far as code that can be linked."""
 
@@ -107,7 +124,18 @@ class _PartCompiler(Compiler):  # type: ignore[misc] # numba is not typed
         return super().define_pipelines()
 
 
-class _PartLibrary(JITCodeLibrary):  # type: ignore[misc] # numba is not typed
+class _KernelLibrary(JITCodeLibrary):  # type: ignore[misc] # numba is not typed
+    """Code that is optimised once: numba itself also does so with each function alone, at first.
+
+    That was a twentieth of the time of a first start, and the kernels are as fast without.
+    """
+
+    def _optimize_functions(self, module: Any) -> None:
+        """Leave the functions as they are; the data layout is needed later."""
+        module.data_layout = self._codegen._data_layout  # noqa: SLF001 - numba has no other way
+
+
+class _PartLibrary(_KernelLibrary):
     """Code that becomes machine code where it is linked into."""
 
     def finalize(self) -> None:
@@ -118,6 +146,31 @@ class _PartLibrary(JITCodeLibrary):  # type: ignore[misc] # numba is not typed
         self._optimize_final_module()
         self._finalize_dynamic_globals()
         self._finalized = True
+
+
+class _WithQuickFlags(_FunctionCompiler):  # type: ignore[misc] # numba is not typed
+    """What a dispatcher compiles with."""
+
+    def _customize_flags(self, flags: Any) -> Any:
+        return _QuickFlags(flags)
+
+
+class _QuickFlags(Flags):  # type: ignore[misc] # numba is not typed
+    """The compiler's options, quick to hash and to compare.
+
+    Numba looks up each call by its types and by all options there are, one after the other: a tenth
+    of the time of a first start.
+    """
+
+    def __hash__(self) -> int:
+        """Return the same for all: the types tell calls apart, the options hardly ever."""
+        return hash(type(self))
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether all options are the same; mostly those that are set are, to begin with."""
+        if not isinstance(other, _QuickFlags):
+            return False
+        return self._values == other._values or bool(super().__eq__(other))
 
 
 def name_of(function: Callable[..., Any]) -> str:

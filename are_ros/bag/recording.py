@@ -64,6 +64,9 @@ _PAST_NS: Final = 2 * NS_PER_S
 _JUMP_NS: Final = NS_PER_S
 """The clock jumped back where an output of ticks is this much earlier than the one before."""
 
+_OpenProgress = Callable[[int, int], Callable[[int], None]]
+"""Takes the first and the last log time [ns]; what it returns takes the time reached."""
+
 SETTLING_NS: Final = NS_PER_S
 """For this long after the beginning of a run, and before its end, messages may be missing."""
 _LONGEST_GAP: Final = 2.5
@@ -161,13 +164,14 @@ def stamp_of(type_name: str, data: bytes) -> int | None:
 class LiveTicks:
     """The ticks of a live recording, by the places of their messages in the file.
 
-    Messages from the place `end` on are left out: there the clock has jumped back, as where a
-    looping recording is played to the node. None: it never has.
+    Messages from the place `end` on are left out: there the clock has jumped back by `back_ns`, as
+    where a looping recording is played to the node. None: it never has.
     """
 
     places: list[int] = field(default_factory=list)
     stamps_ns: list[int] = field(default_factory=list)
     end: int | None = None
+    back_ns: int = 0
 
     @classmethod
     def of(cls, messages: Iterable["RecordedMessage"]) -> "LiveTicks":
@@ -179,8 +183,9 @@ class LiveTicks:
             stamp_ns = stamp_of(message.type_name, message.data)
             if stamp_ns is None:
                 continue
-            if stamp_ns < newest_ns.get(message.topic, stamp_ns) - _JUMP_NS:
-                ticks.end = place
+            back_ns = newest_ns.get(message.topic, stamp_ns) - stamp_ns
+            if back_ns > _JUMP_NS:
+                ticks.end, ticks.back_ns = place, back_ns
                 break
             newest_ns[message.topic] = stamp_ns
             if message.topic == ARTEFACTS:
@@ -268,41 +273,40 @@ class Recording:
         return {topic.name: topic.type_name for topic in self.topics}
 
     @property
-    def has_jump(self) -> bool:
-        """Whether the clock jumps back in it; `messages` ends there. A replay has no jump."""
-        return not self.files.is_replay and self._live_ticks().end is not None
+    def left_out(self) -> str:
+        """What `messages` leave out, as a sentence: all after a jump of the clock; "" for nothing.
+
+        A replay has no jump.
+        """
+        ticks = LiveTicks() if self.files.is_replay else self._live_ticks()
+        if ticks.end is None:
+            return ""
+        back = f"the clock jumps back by {ticks.back_ns / NS_PER_S:.1f} s"
+        return f"{back}, as where a drive is played once more: what comes after that is left out"
 
     def in_log_order(
         self,
         topics: Collection[str] | None,
-        open_progress: Callable[[int, int], Callable[[int], None]] | None = None,
+        open_progress: _OpenProgress | None = None,
     ) -> Iterator[RecordedMessage]:
         """Yield the messages of some topics in order of log time, which is their `at_ns`.
 
         `open_progress` gets the first and the last log time; what it returns, the time reached.
         """
-        start_ns, end_ns = self._reader.start_ns, self._reader.end_ns
-        progress = open_progress(start_ns, end_ns) if open_progress else None
-        for topic, log_ns, data, connection in self._reader.messages(self._recorded(topics)):
-            yield RecordedMessage(self._names[topic], connection.msgtype, log_ns, data, log_ns)
-            if progress:
-                progress(log_ns)
-        if progress:
-            progress(end_ns)
+        return self._with_progress(self._in_log_order(topics), open_progress)
 
-    def messages(self, topics: Collection[str] | None = None) -> Iterator[RecordedMessage]:
+    def messages(
+        self,
+        topics: Collection[str] | None = None,
+        open_progress: _OpenProgress | None = None,
+    ) -> Iterator[RecordedMessage]:
         """Yield the messages of some topics (None: all) with the times at which they count.
 
         Those of a replay come in order of log time, those of a live recording in the order of the
-        file: the topics of `matters` only, up to the first jump of the clock.
+        file: the topics of `matters` only, up to the first jump of the clock. `open_progress` is as
+        for `in_log_order`.
         """
-        if self.files.is_replay:
-            yield from self.in_log_order(topics)
-            return
-        ticks = self._live_ticks()
-        for place, message in enumerate(islice(self._in_file_order(), ticks.end)):
-            if topics is None or message.topic in topics:
-                yield _timed(message, ticks.before(place))
+        return self._with_progress(self._timed(topics), open_progress)
 
     def decode(self, message: RecordedMessage) -> Any:
         """Return the value of a message: one of `decoded`, or a list of `MarkerFields`.
@@ -323,11 +327,34 @@ class Recording:
         except BagError as cause:
             raise InputError(str(cause)) from None
 
+    def _with_progress(
+        self, messages: Iterable[RecordedMessage], open_progress: _OpenProgress | None
+    ) -> Iterator[RecordedMessage]:
+        start_ns, end_ns = self._reader.start_ns, self._reader.end_ns
+        progress = open_progress(start_ns, end_ns) if open_progress else lambda _: None
+        for message in messages:
+            yield message
+            progress(message.log_ns)
+        progress(end_ns)
+
+    def _in_log_order(self, topics: Collection[str] | None) -> Iterator[RecordedMessage]:
+        for topic, log_ns, data, connection in self._reader.messages(self._recorded(topics)):
+            yield RecordedMessage(self._names[topic], connection.msgtype, log_ns, data, log_ns)
+
+    def _timed(self, topics: Collection[str] | None) -> Iterator[RecordedMessage]:
+        if self.files.is_replay:
+            yield from self._in_log_order(topics)
+            return
+        ticks = self._live_ticks()
+        for place, message in enumerate(islice(self._in_file_order(), ticks.end)):
+            if topics is None or message.topic in topics:
+                yield _timed(message, ticks.before(place))
+
     def _in_file_order(self) -> Iterator[RecordedMessage]:
         """Yield the relevant messages of a live recording; of a database in order of log time."""
         types = {topic: name for topic, name in self.types.items() if matters(topic, name)}
         if self.files.files[0].suffix != ".mcap":
-            yield from self.in_log_order(types)
+            yield from self._in_log_order(types)
             return
         for file in self.files.files:
             with as_bag_errors(str(file)), file.open("rb") as stream:

@@ -417,8 +417,8 @@ class Reading:
             self._recording.__enter__()
             self.topics = frozenset(self._recording.types)
             self.is_open = True
-            if self._recording.has_jump:
-                self.tally.note("the clock jumps back: what comes after that is not looked at")
+            if self._recording.left_out:
+                self.tally.note(self._recording.left_out)
         walls, is_live = walls_of(self._files.path), not self._files.is_replay
         types = self._recording.types if self.is_open else {}
         clouds = [topic for topic, type_name in types.items() if type_name == _CLOUD]

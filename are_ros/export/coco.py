@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,8 @@ from are_ros.replay.progress import OpenProgress
 from are_ros.wording import counted, why_refused
 
 _MASK = "/mask"
+_WAITING: Final = 20
+"""So many images wait for their masks, and masks for their images."""
 
 
 class CocoWriter:
@@ -103,39 +105,58 @@ def export_coco(recording: Path, folder: Path, open_progress: OpenProgress, imag
     known = [topic.removesuffix(_MASK) for topic in reader.outputs() if topic.endswith(_MASK)]
     without = f"{recording} has no mask of an image (sensors.masks: true)"
     topic = chosen_topic(known, image, "--coco", "--image", without)
-    images: dict[int, npt.NDArray[np.uint8]] = {}
-    damaged: list[str] = []
     try:
-        writer = CocoWriter(folder)
-
-        def take_image(message: Any) -> None:
-            try:
-                taken = read_colour(message, topic)
-                images[taken.stamp_ns] = taken.pixels.rgb()
-            except InputError as cause:
-                damaged.append(str(cause))
-
-        def take_mask(message: Any) -> None:
-            mask = read_image(message, topic + _MASK)
-            rgb = images.pop(mask.stamp_ns, None)
-            if rgb is not None:
-                writer.add(mask.stamp_ns, rgb, mask.pixels().astype(np.int32))
-            for stamp_ns in [one for one in images if one < mask.stamp_ns]:
-                del images[stamp_ns]
-
-        for tick in reader.read(open_progress, {topic: take_image, topic + _MASK: take_mask}):
+        pairs = _Pairs(topic, CocoWriter(folder))
+        takers = {topic: pairs.take_image, topic + _MASK: pairs.take_mask}
+        for tick in reader.read(open_progress, takers):
             scene = tick.scene
             for number, name, label in zip(
                 scene.ids.tolist(), scene.classes, scene.labels, strict=True
             ):
-                writer.kinds[number] = name, label
-        count = writer.finish()
+                pairs.writer.kinds[number] = name, label
+        count = pairs.writer.finish()
     except OSError as cause:
         raise BagError(f"--coco {folder}: {why_refused(cause)}") from cause
-    found = f"coco: {folder} ({_summary(len(writer.images), count)}"
-    if damaged:
-        found += f"; {counted(len(damaged), 'image')} of {topic} left out, the first: {damaged[0]}"
-    return found
+    said = [f"coco: {folder} ({_summary(len(pairs.writer.images), count)}"]
+    if damaged := pairs.damaged:
+        images = counted(len(damaged), "image")
+        said.append(f"{images} of {topic} left out, the first: {damaged[0]}")
+    return "; ".join((*said, *reader.left_out))
+
+
+class _Pairs:
+    """Puts each painted image and its mask together, whichever comes first."""
+
+    def __init__(self, topic: str, writer: CocoWriter) -> None:
+        self.writer = writer
+        self.damaged: list[str] = []
+        """Why images cannot be read."""
+        self._topic = topic
+        self._images: dict[int, npt.NDArray[np.uint8]] = {}
+        self._masks: dict[int, npt.NDArray[np.int32]] = {}
+
+    def take_image(self, message: Any) -> None:
+        """Take an image; one that cannot be read counts as damaged."""
+        try:
+            image = read_colour(message, self._topic)
+            self._images[image.stamp_ns] = image.pixels.rgb()
+        except InputError as cause:
+            self.damaged.append(str(cause))
+            return
+        self._pair(image.stamp_ns)
+
+    def take_mask(self, message: Any) -> None:
+        """Take a mask."""
+        mask = read_image(message, self._topic + _MASK)
+        self._masks[mask.stamp_ns] = mask.pixels().astype(np.int32)
+        self._pair(mask.stamp_ns)
+
+    def _pair(self, stamp_ns: int) -> None:
+        if stamp_ns in self._images and stamp_ns in self._masks:
+            self.writer.add(stamp_ns, self._images.pop(stamp_ns), self._masks.pop(stamp_ns))
+        for waiting in (self._images, self._masks):
+            if len(waiting) > _WAITING:
+                waiting.pop(min(waiting))
 
 
 def _summary(images: int, annotations: int) -> str:

@@ -76,7 +76,7 @@ def export_sets(
     }
     for folder in wanted.values():
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise BagError(f"{folder}: it is there already, and not empty")
+            raise BagError(f"{folder}: it is there already, and not empty; give a new folder")
     for name, folder in wanted.items():
         with ProgressBar(name) as bar:
             sentence = writers[name](recording, folder, bar.open)
@@ -111,10 +111,9 @@ def _voxels_of_file(path: Path, world: WorldParameters) -> VoxelMap:
 
 
 def _problems(recording: Path, scene: RecordedScene) -> list[str]:
-    """Return why the environment is not that of the run, empty if it is."""
-    if scene.voxels is not None:
-        return []
-    if scene.cloud_problem:
-        return [scene.cloud_problem]
-    is_missing = walls_of(find_recording(recording).path) == "octomap"
-    return [_WITHOUT_OCTOMAP] if is_missing else []
+    """Return what was left out, and why the environment is not that of the run."""
+    said = [scene.left_out]
+    if scene.voxels is None:
+        is_missing = walls_of(find_recording(recording).path) == "octomap"
+        said.append(scene.cloud_problem or (_WITHOUT_OCTOMAP if is_missing else ""))
+    return list(filter(None, said))

@@ -111,7 +111,7 @@ def export_kitti(recording: Path, folder: Path, open_progress: OpenProgress, clo
     left_out[_WITHOUT_TRUTH] += len(waiting)
     reasons = [f"{count} left out, {why}" for why, count in left_out.items() if count]
     words = (counted(writer.frames, "cloud"), counted(writer.boxes, "labelled box"))
-    return f"kitti: {folder} ({'; '.join((', '.join(words), *reasons))})"
+    return f"kitti: {folder} ({'; '.join((', '.join(words), *reasons, *reader.left_out))})"
 
 
 def _placed(

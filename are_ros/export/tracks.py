@@ -35,7 +35,8 @@ def export_tracks(recording: Path, folder: Path, open_progress: OpenProgress) ->
     except OSError as cause:
         raise BagError(f"--tracks {folder}: {why_refused(cause)}") from cause
     robot = f"the robot at {counted(poses, 'tick')}" if poses else "no pose of the robot"
-    return f"tracks: {folder} ({counted(ids, 'artefact')}, {counted(ticks, 'tick')}; {robot})"
+    counts = f"{counted(ids, 'artefact')}, {counted(ticks, 'tick')}"
+    return f"tracks: {folder} ({'; '.join((counts, robot, *reader.left_out))})"
 
 
 def _write(

@@ -1,10 +1,11 @@
 """The ground truth of a recording in its order: ticks with their artefacts, sightings and poses."""
 
 import math
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +20,7 @@ from are_ros.world.rigid_transform import RigidTransform
 
 Sightings = Mapping[int, Sighting]
 
+_WAITING_TICKS: Final = 20
 _ARTEFACTS, _PERCEIVED = PREFIX + "artefacts", PREFIX + "perceived"
 
 
@@ -77,6 +79,8 @@ class TruthReader:
     def __init__(self, path: Path) -> None:
         found = find_recording(path)
         self.parameters = found.effective()
+        self.left_out: tuple[str, ...] = ()
+        """What `read` left out, as a sentence; none for nothing."""
         self.recording = Recording(found)
         with self.recording as recording:
             self._types = recording.types
@@ -99,29 +103,41 @@ class TruthReader:
     ) -> Iterator[TrueTick]:
         """Yield the ticks; `also` takes rosbags' objects of further topics, in their order.
 
-        A tick is yielded as soon as the next one begins, after its own messages.
+        A tick is yielded after the next one has begun and what was perceived of it has come, live
+        at most 20 ticks later.
         """
-        topics = {*self._roles, *also, _ARTEFACTS, *({_PERCEIVED} & {*self._types})}
+        has_perceived = _PERCEIVED in self._types
+        topics = {*self._roles, *also, _ARTEFACTS, *([_PERCEIVED] if has_perceived else [])}
+        waiting: deque[tuple[Scene, RigidTransform | None]] = deque()
+        sightings: dict[int, Sightings] = {}
+
+        def first() -> TrueTick:
+            scene, base = waiting.popleft()
+            for at_ns in [one for one in sightings if one < scene.stamp_ns]:
+                del sightings[at_ns]
+            return TrueTick(scene, sightings.pop(scene.stamp_ns, {}), base)
+
         with self.recording as recording:
-            scene: Scene | None = None
-            base: RigidTransform | None = None
-            sightings: dict[int, Sightings] = {}
-            for message in recording.in_log_order(topics, open_progress):
+            self.left_out = tuple(filter(None, [recording.left_out]))
+            for message in recording.messages(topics, open_progress):
                 if message.topic in also:
                     also[message.topic](recording.deserialize(message))
                     continue
                 value = recording.decode(message)
                 if message.topic == _ARTEFACTS:
-                    if scene is not None:
-                        yield TrueTick(scene, sightings.pop(scene.stamp_ns, {}), base)
-                        sightings = {at: s for at, s in sightings.items() if at > scene.stamp_ns}
-                    scene, base = value, self.robot.poses(value.stamp_ns)[0]
+                    waiting.append((value, self.robot.poses(value.stamp_ns)[0]))
                 elif message.topic == _PERCEIVED:
-                    sightings[value.at_ns] = {one.artefact_id: one for one in value.sightings}
+                    sightings[value.stamp_ns] = {one.artefact_id: one for one in value.sightings}
                 else:
                     self._take(message, value)
-            if scene is not None:
-                yield TrueTick(scene, sightings.pop(scene.stamp_ns, {}), base)
+                while len(waiting) > 1 and (
+                    not has_perceived
+                    or waiting[0][0].stamp_ns in sightings
+                    or len(waiting) > _WAITING_TICKS
+                ):
+                    yield first()
+            while waiting:
+                yield first()
 
     def _take(self, message: RecordedMessage, value: Any) -> None:
         """Take a transform, an odometry or a CameraInfo."""

@@ -119,7 +119,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         self._reporter.active_since_ns = monotonic_ns()
         with self._turn("transitions"):
             self._resume()
-        self.get_logger().info("active: artefacts arrive")
+        self.get_logger().info("active: artefacts arrive once there is a map")
         return _DONE
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -205,7 +205,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         self.live.busy = self._busy
         self._hangs = Watchdog(self._busy, self._cry)
         subscriptions.follow_publishers()
-        self.get_logger().info("configured: the real map is relayed")
+        self.get_logger().info("configured: the real map is relayed when it comes")
 
     def _tell_kernels(self, done: int, total: int) -> None:
         if done % _KERNELS_A_LINE == 0:

@@ -192,10 +192,22 @@ def _nothing_yet(entry: InputSnapshot, active_s: float) -> tuple[Level, str]:
         return Level.OK, "no message yet; the node works without"
     if active_s < GRACE_S:
         return Level.OK, "no message yet"
+    return Level.ERROR, f"no message for {active_s:.0f} s{_why_nothing(entry)}"
+
+
+def _why_nothing(entry: InputSnapshot) -> str:
     if not entry.publishers:
-        return Level.ERROR, f"no message for {active_s:.0f} s: nobody publishes {entry.topic}"
-    reason = f"{entry.topic} has {counted(entry.publishers, 'publisher')}; is its QoS compatible?"
-    return Level.ERROR, f"no message for {active_s:.0f} s, though {reason}"
+        return f": nobody publishes {entry.topic}"
+    publishers = counted(entry.publishers, "publisher")
+    return f", though {entry.topic} has {publishers}; is its QoS compatible?"
+
+
+def input_doubts(snapshot: NodeSnapshot) -> list[str]:
+    """Return a sentence for each required input of which nothing has come for a while."""
+    if snapshot.active_s < GRACE_S:
+        return []
+    lacking = [one for one in snapshot.inputs if one.is_required and one.age_s is None]
+    return [f"no message of {one.topic} yet{_why_nothing(one)}" for one in lacking]
 
 
 def _is_stale(entry: InputSnapshot) -> bool:
@@ -466,7 +478,7 @@ class Reporter:
         self._last_contact, self._contact_ns = "", _NEVER_NS
         self._has_namesake = Lasting(_NAMESAKE_S)
         self.doubts: tuple[str, ...] = ()
-        """Warnings for the log, about the clock and the node's name."""
+        """Warnings for the log: about the clock, the node's name, and inputs that do not come."""
 
     def happened(self, events: tuple[ArtefactEvent, ...], now_ns: int) -> None:
         """Take the events since the last tick; the last contact of the robot is kept."""
@@ -499,7 +511,7 @@ class Reporter:
             inputs=tuple(subscriptions.snapshots(now_ns)) if subscriptions else (),
             **(self._of_builder(live, now_ns) if live else {}),
         )
-        doubts = clock_doubt(snapshot), name_doubt(snapshot)
+        doubts = clock_doubt(snapshot), name_doubt(snapshot), *input_doubts(snapshot)
         self.doubts = tuple(doubt for doubt in doubts if doubt)
         name = self._node.get_fully_qualified_name().lstrip("/")
         self._publisher.publish(encode_diagnostics(stamp_ns, statuses(snapshot), name))

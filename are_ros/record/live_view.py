@@ -63,7 +63,12 @@ def view_live_command(say: Say, namespace: str, port: int) -> None:
     ):
         remote = RemoteNode(node, executor, namespace, stop.should_stop)
         say(f"waiting for {remote.name}, for a minute at most")
-        live = LiveView(server, remote, remote.parameters())
+        try:
+            live = LiveView(server, remote, remote.parameters())
+        except NodeError:
+            if stop.is_set:
+                raise KeyboardInterrupt from None
+            raise
         say(f"the running node can be seen at http://localhost:{server.get_port()}; Ctrl-C ends it")
         while not stop.is_set:
             executor.spin_once(timeout_sec=0.05)
@@ -111,7 +116,8 @@ class RemoteNode:
             setattr(request, name, value)
         if not self._awaited(client.service_is_ready):
             raise NodeError(
-                f"{self.name} is not running: there is no {self.name}/{service}{self._others()}"
+                f"{self.name}/{service} is not there: `are node` starts the node, and ROS_DOMAIN_ID"
+                f" has to be the same here{self._others()}"
             )
         future = client.call_async(request)
         if not self._awaited(future.done):
@@ -339,7 +345,7 @@ class LiveView:
         pose.pose.orientation.w = 1.0
         label = "" if self._label.value == "any" else self._label.value
         kind = "are_msgs/srv/SpawnArtefact"
-        answer = self._remote.ask("spawn", kind, pose=pose, label=label, row=-1)
+        answer = self._remote.ask("spawn", kind, pose=pose, label=label)
         return str(answer.message)
 
 

@@ -158,7 +158,8 @@ def replay_command(say: Say, **options: Any) -> bool:
         summary = [*summary_lines(_metrics(outcome), timing), f"results in {options['out']}"]
         for line in [*summary, *said, *complaints(outcome)]:
             say(line)
-    problems = outcome.refusals.counts, outcome.camera_problem, outcome.cloud_problem
+    in_part = outcome.camera_problem, outcome.cloud_problem, outcome.scan_problem
+    problems = outcome.refusals.counts, *in_part
     return is_filmed and not any(problems) and not any(map(_is_bare, outcome.scans.values()))
 
 
@@ -234,8 +235,7 @@ def complaints(outcome: Outcome) -> list[str]:
     lines += filter(None, [_about_waiting(outcome)])
     if outcome.camera_problem:
         lines.append(f"nothing was perceived: {outcome.camera_problem}")
-    if outcome.cloud_problem:
-        lines.append(outcome.cloud_problem)
+    lines += filter(None, [outcome.cloud_problem, outcome.scan_problem])
     return [*lines, *refused_by_script(outcome.record.events), *outcome.map_doubts]
 
 

@@ -56,7 +56,7 @@ def animate_recording(recording: Path, path: Path, say: Say) -> None:
     """Write an animation of a recording of the node's outputs. Raises AreError."""
     scene = _read(recording)
     animate(scene.record, scene.grid, path, scene.parameters.world.occupied_threshold, say)
-    _say_if_without_robot(scene, say)
+    _say_what_lacks(scene, say)
 
 
 def draw_recording(recording: Path, picture: Path, film: Path | None, say: Say) -> None:
@@ -89,7 +89,7 @@ def view_recording(recording: Path, page: Path, say: Say) -> None:
     say(write_view(page, place, scene.record, title).sentence())
     if scene.cloud_problem:
         say(scene.cloud_problem)
-    _say_if_without_robot(scene, say)
+    _say_what_lacks(scene, say)
 
 
 def place_of(
@@ -169,8 +169,10 @@ def _read(recording: Path) -> RecordedScene:
         return read_recorded_scene(recording, bar.open)
 
 
-def _say_if_without_robot(scene: RecordedScene, say: Say) -> None:
-    """Say why the robot is not in the picture, or what would tell where it is."""
+def _say_what_lacks(scene: RecordedScene, say: Say) -> None:
+    """Say what was left out, and why the robot is not in the picture, or what would tell."""
+    if scene.left_out:
+        say(scene.left_out)
     if not len(scene.record.robot):
         problem = scene.robot_problem
         say(f"the robot is not shown: {problem}" if problem else WITHOUT_ROBOT)

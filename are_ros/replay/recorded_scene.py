@@ -54,7 +54,7 @@ class RecordedScene:
 
     `voxels` is the octomap, None where there is none. `robot_problem` says why the record has no
     pose of the robot, empty where it has one or no transforms were recorded; `cloud_problem` says
-    why a recorded cloud gave no voxels.
+    why a recorded cloud gave no voxels; `left_out` says what else the recording holds.
     """
 
     record: SceneRecord
@@ -63,6 +63,7 @@ class RecordedScene:
     robot_problem: str = ""
     voxels: VoxelMap | None = None
     cloud_problem: str = ""
+    left_out: str = ""
 
 
 def read_recorded_scene(
@@ -86,8 +87,9 @@ def read_recorded_scene(
         roles = _topics(recording, cameras, with_scans=with_scans)
         has_camera_info = CAMERA in roles.values()
         reader = SceneReader(parameters, recorder.keep, has_camera_info=has_camera_info)
-        for message in recording.in_log_order(roles, open_progress):
+        for message in recording.messages(roles, open_progress):
             reader.take(roles[message.topic], recording.decode(message))
+        left_out = recording.left_out
     reader.finish()
     record, grid = recorder.record(), reader.grid
     if not len(record.series.stamps_ns):
@@ -97,7 +99,7 @@ def read_recorded_scene(
     could_tell = {"tf", "tf_static", "odom"} & {*roles.values()}
     problem = reader.robot_problem if could_tell else ""
     voxels = reader.voxels()
-    return RecordedScene(record, grid, parameters, problem, voxels, reader.cloud_problem)
+    return RecordedScene(record, grid, parameters, problem, voxels, reader.cloud_problem, left_out)
 
 
 def other_camera_roles(parameters: Parameters) -> dict[str, str]:

@@ -81,6 +81,7 @@ class Outcome:
     scan_problems: Mapping[str, str]
     camera_problem: str
     cloud_problem: str
+    scan_problem: str
     map_doubts: Sequence[str]
     needed_wait_s: float
     apart: Collection[str]
@@ -165,6 +166,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
         builder.sensors.problems(),
         problem,
         _cloud_problem(builder),
+        _scan_problem(replay, roles),
         doubts,
         timeline.needed_wait_s,
         replay.clock.apart,
@@ -365,6 +367,13 @@ def _camera_problem(
         f"the camera's pose is not known: {builder.camera_missing}{cause}; "
         "give it with --static-tf, or set camera.frame"
     )
+
+
+def _scan_problem(replay: Replay, roles: RolesFound) -> str:
+    """Return why there was no scan though the recording has some; empty if there was one."""
+    if "scan" in replay.role_of_topic.values() or not roles.to_choose(("scan",)):
+        return ""
+    return "no scan was augmented: give --topic scan:=/NAME for each of those that are to be"
 
 
 def _late_map(replay: Replay, keeper: RecordKeeper) -> list[str]:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 import pytest
 
 from bags.simulation.making import RosbagsFactory
+from tests.checks.test_live import Tape
 from tests.oracles.recorded import read_outputs
 from tests.replay.conftest import Records, RunAre, WriteBag
 from tests.replay.test_clouds import AUGMENTED, by_stamp, cloud_of
@@ -69,6 +70,29 @@ def test_each_track_is_a_file_as_tum_has_them(sample_replay: Path, tracks: Path)
     poses = {tick.stamp_ns: tick.poses[number] for tick in outputs.ticks if number in tick.poses}
     assert track[:, 0] == pytest.approx(np.array(list(poses)) / NS_PER_S, abs=1e-6)
     assert track[:, 1:4] == pytest.approx(np.array([p[:3] for p in poses.values()]), abs=1e-6)
+
+
+def test_a_live_recording_gives_the_tracks_of_the_replay_it_was_made_of(
+    sample_replay: Path, tracks: Path, run_are: RunAre, tmp_path: Path
+) -> None:
+    """Messages are logged late and in another order, yet what was perceived belongs to its tick."""
+    tape = Tape.of(sample_replay).late(most_ns=250_000_000)
+    done = run_are("export", tape.write(tmp_path / "run"), "--tracks", tmp_path / "tracks")
+    assert done.returncode == 0, done.stderr
+    with (tracks / "tracks.csv").open(encoding="utf-8") as file:
+        assert any(row["perceived"] == "1" for row in csv.DictReader(file))
+    assert (tmp_path / "tracks" / "tracks.csv").read_text() == (tracks / "tracks.csv").read_text()
+
+
+def test_of_a_looped_recording_the_first_pass_is_exported(
+    sample_replay: Path, tracks: Path, run_are: RunAre, tmp_path: Path
+) -> None:
+    """And one sentence says so."""
+    run = Tape.of(sample_replay).looped().write(tmp_path / "run")
+    done = run_are("export", run, "--tracks", tmp_path / "tracks")
+    assert done.returncode == 0, done.stderr
+    assert "the clock jumps back" in done.stderr
+    assert (tmp_path / "tracks" / "tracks.csv").read_text() == (tracks / "tracks.csv").read_text()
 
 
 @pytest.fixture(scope="module")
@@ -192,7 +216,7 @@ def _xyz(cloud: Any) -> Floats:
     [
         (("--kitti", "set"), "has no augmented cloud (sensors.clouds)"),
         (("--coco", "set"), "has no mask of an image (sensors.masks: true)"),
-        (("--tracks", "full"), "full: it is there already, and not empty"),
+        (("--tracks", "full"), "full: it is there already, and not empty; give a new folder"),
     ],
 )
 def test_what_cannot_be_written_is_refused(

@@ -18,6 +18,7 @@ from are_ros.node.diagnostics import (
     SensorSnapshot,
     Status,
     encode_diagnostics,
+    input_doubts,
     statuses,
 )
 from are_ros.node.watches import FaultWatch, InputSnapshot, TickFigures
@@ -97,6 +98,16 @@ def test_a_required_input_that_never_came() -> None:
     level, message = of_input(replace(nothing, publishers=1), 8.0)
     assert level is Level.ERROR
     assert message == "no message for 8 s, though /map has 1 publisher; is its QoS compatible?"
+
+
+def test_the_log_names_the_required_inputs_that_never_came() -> None:
+    """In a sentence that stays the same, so that it is logged once; of optional ones nothing."""
+    waiting = replace(WELL, inputs=(NO_MAP, NO_SCAN), active_s=4.9)
+    assert input_doubts(waiting) == []
+    expected = ["no message of /map yet: nobody publishes /map"]
+    for active_s in (5.0, 60.0):
+        assert input_doubts(replace(waiting, active_s=active_s)) == expected
+    assert input_doubts(WELL) == []
 
 
 def test_an_optional_input_that_never_came() -> None:

@@ -342,7 +342,7 @@ def publish(user: Any, role: str, message: Any) -> Any:
 def spawn(ros: RosWorld, user: Any, pose: Any) -> int:
     """Place a post, and return its id."""
     kind = service_class("are_msgs/srv/SpawnArtefact")
-    request = kind.Request(pose=pose, label="post", row=-1)
+    request = kind.Request(pose=pose, label="post")  # any row of the label
     answer = ask(ros, user, "spawn", kind, request)
     assert answer.success, answer.message
     return int(answer.id)

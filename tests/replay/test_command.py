@@ -104,6 +104,7 @@ def test_complaints_name_topics_and_numbers() -> None:
         scan_problems={"/scan": "no frame"},
         camera_problem="no CameraInfo",
         cloud_problem="the voxel cloud was not used",
+        scan_problem="no scan was augmented",
         options=ReplayOptions((), Parameters(), is_wait_given=True),
         needed_wait_s=0.3,
         apart=frozenset(),
@@ -122,6 +123,7 @@ def test_complaints_name_topics_and_numbers() -> None:
         ),
         "nothing was perceived: no CameraInfo",
         "the voxel cloud was not used",
+        "no scan was augmented",
         "the robot stood in a wall",
     ]
 
@@ -166,6 +168,7 @@ def outcome_of(problem: str, apart: tuple[str, ...] = ()) -> Any:
         scan_problems={"/scan": problem},
         camera_problem="",
         cloud_problem="",
+        scan_problem="",
         options=ReplayOptions((), Parameters()),
         needed_wait_s=0.0,
         apart=apart,

@@ -11,6 +11,7 @@ from are_ros.errors import BagError
 from are_ros.replay.pictures import draw_recording
 from are_ros.replay.recorded_scene import RecordedScene, read_recorded_scene
 from are_ros.replay.results import metrics_content
+from tests.checks.test_live import Tape
 from tests.replay.conftest import ReplaySample, RunAre
 
 
@@ -85,6 +86,21 @@ def test_the_picture_of_a_recording_has_its_name(
     assert str(tmp_path / picture) in done.stderr
     named = {"run.mcap", "effective.yaml", picture}
     assert {path.name for path in tmp_path.iterdir()} == named
+
+
+def test_of_a_looped_recording_the_first_pass_is_seen(
+    sample_replay: Path, run_are: RunAre, tmp_path: Path
+) -> None:
+    """In each picture alike, and it is said."""
+    looped = Tape.of(sample_replay).looped().write(tmp_path / "run")
+    once, scene = _scene(sample_replay), _scene(looped)
+    assert scene.record.series.stamps_ns.tolist() == once.record.series.stamps_ns.tolist()
+    assert once.left_out == ""
+    for words in ((), ("--animate",)):
+        done = run_are("view", looped, *words)
+        assert done.returncode == 0, done.stderr
+        assert scene.left_out in done.stderr
+        assert "the clock jumps back" in scene.left_out
 
 
 @pytest.mark.parametrize("animate", [True, False])

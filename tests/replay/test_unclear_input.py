@@ -47,7 +47,12 @@ def test_two_lasers_are_both_augmented(
     rear = [("/rear", at, copy.deepcopy(m)) for topic, at, m in sample_records if topic == "/scan"]
     records = sorted([*renamed, *rear], key=lambda record: record[1])
     bag = write_bag(tmp_path / "bag.mcap", records)
+    done = run_are("replay", bag, "--out", tmp_path / "out")
+    assert done.returncode == 3, "none was chosen"
+    assert "no scan was augmented: give --topic scan:=/NAME" in done.stderr
+    assert "a choice of scans: --topic scan:=/NAME" in run_are("inspect", bag).stdout
     both = ("--topic", "scan:=/front", "--topic", "scan:=/rear")
+    assert "a choice of scans" not in run_are("inspect", bag, *both).stdout
     done = run_are("replay", bag, *both, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     scans = json.loads((tmp_path / "out" / "metrics.json").read_text())["scans"]

@@ -202,7 +202,8 @@ class _Collector:
             notices.append(f"{self._refused} {of} are refused ({self._why_refused})")
         if self._lost:
             lack = f"{self._lost} {of} have no transform ({self._why_lost})"
-            notices.append(f"{lack}; if it is fixed, give it with --static-tf")
+            advice = "" if self.placed else "; if it is fixed, give it with --static-tf"
+            notices.append(f"{lack}{advice}")
         if self._tilted:
             notices.append(f"{self._tilted} {of} are not level, and a map tells nothing of them")
         return notices

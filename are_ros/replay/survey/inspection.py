@@ -32,13 +32,14 @@ from are_ros.parameters.model import PosesParameters
 from are_ros.replay.survey.frame_survey import FrameSurvey, FrameSurveyor, hertz, static_tf_option
 from are_ros.replay.survey.recorded_pose import option_of_poses
 from are_ros.replay.timeline import LATE_INPUT_NS, WITHOUT_CAMERA_INFO
-from are_ros.wording import aligned, counted, listed, section
+from are_ros.wording import aligned, counted, listed, section, several
 from are_ros.world.transforms.table import TransformSource
 
 _SENSOR_ROLES = (*SENSORS, CAMERA)
 _GIVEN = "given"
 _LONG_NS = 2 * NS_PER_S
 """In a shorter recording transforms that come slowly may come once."""
+_LOOPED = "a choice of one pass with --start and --duration: the stamps jump back (see time)"
 _NO_MAP = "there is no map: give its file with --map FILE.yaml, or its topic with --topic map:="
 
 
@@ -120,6 +121,7 @@ def inspect_bag(
         *([] if has_map_file else _poor_map(reader, roles)),
         *_other_map_frame(map_topic, map_frame, world_frame),
         *survey.refused,
+        *_unchosen(roles, sensors),
         *_missing_pose(survey, map_frame, base_frame, reader, roles),
         *_turned_round(survey),
         *_missing_mounts(survey, role_of_topic, frame_ids, base_frame),
@@ -130,6 +132,7 @@ def inspect_bag(
         *_missing_stamps(times),
         *_missing_repeats(survey, reader.end_ns - reader.start_ns),
         *_missing_clock(clock),
+        *([_LOOPED] if trouble else []),
         *(sentence for sentence, is_known in waits if not is_known),
     ]
     return Inspection(
@@ -379,6 +382,13 @@ def _missing_lenses(reader: BagReader, sensors: Mapping[str, str]) -> Iterable[s
     for topic, lens_topic in lens_topics(sensors).items():
         if lens_topic not in filled:
             yield f"{topic} has no CameraInfo beside it, on {lens_topic}: it is not augmented"
+
+
+def _unchosen(roles: RolesFound, sensors: Mapping[str, Sequence[str]]) -> Iterable[str]:
+    """Say for which sensors the user has to choose among topics: without it none is augmented."""
+    for role in roles.to_choose(SENSORS):
+        if role not in sensors:
+            yield f"a choice of {several(noun_of(role))}: --topic {role}:=/NAME (see roles)"
 
 
 def _missing_readings(reader: BagReader, sensors: Mapping[str, str]) -> Iterable[str]:
