@@ -281,6 +281,17 @@ def test_the_node_ends_at_a_bad_parameter(
     assert sentence in done.stderr.splitlines()[-1]
 
 
+def test_a_single_value_goes_before_all_files(ros_available: None, tmp_path: Path) -> None:
+    """Before those behind --ros-args, too: that of --set is refused, that of the file is good."""
+    del ros_available
+    file = tmp_path / "good.yaml"
+    file.write_text("/ar_builder:\n  ros__parameters:\n    seed: 5\n", encoding="utf-8")
+    done = run_process("node", "--set", "seed:=-3", "--ros-args", "--params-file", file)
+    assert done.returncode == 1
+    assert "seed" in done.stderr.splitlines()[-1]
+    assert "-3" in done.stderr.splitlines()[-1]
+
+
 def test_the_node_has_one_namespace(ros_available: None) -> None:
     """Two are refused; ROS would take one of them in silence."""
     del ros_available

@@ -63,8 +63,10 @@ def node(
         copies = [Path(folder, f"{number}.yaml") for number in range(len(texts))]
         for text, copy in zip(texts, copies, strict=True):
             copy.write_text(text, encoding="utf-8")
-        given = _ros_words(copies, values, namespace, use_sim_time=use_sim_time)
-        sys.exit(run_node(["--ros-args", *given, "--", *ros_args]))
+        files = [word for path in copies for word in ("--params-file", str(path))]
+        # The last one counts: a single value goes before all files, those of ROS's own, too.
+        given = _ros_words(values, namespace, use_sim_time=use_sim_time)
+        sys.exit(run_node(["--ros-args", *files, "--", *ros_args, "--ros-args", *given]))
 
 
 def _check_ros_args(ros_args: tuple[str, ...]) -> None:
@@ -73,12 +75,9 @@ def _check_ros_args(ros_args: tuple[str, ...]) -> None:
         raise click.UsageError(message)
 
 
-def _ros_words(
-    files: Sequence[Path], values: Sequence[str], namespace: str | None, *, use_sim_time: bool
-) -> list[str]:
+def _ros_words(values: Sequence[str], namespace: str | None, *, use_sim_time: bool) -> list[str]:
     """Return the options as ROS takes them, behind --ros-args."""
-    given = [word for path in files for word in ("--params-file", str(path))]
-    given += [word for value in values for word in ("-p", value)]
+    given = [word for value in values for word in ("-p", value)]
     given += ["-r", f"__ns:=/{namespace.strip('/')}"] if namespace else []
     given += ["-p", "use_sim_time:=true"] if use_sim_time else []
     return given
@@ -103,7 +102,7 @@ def guard(namespace: str | None, ros_args: tuple[str, ...]) -> None:
     from are_ros.node.guard import main as run_guard
 
     _check_ros_args(ros_args)
-    given = _ros_words([], (), namespace, use_sim_time=False)
+    given = _ros_words((), namespace, use_sim_time=False)
     sys.exit(run_guard(["--ros-args", *given, "--", *ros_args]))
 
 
