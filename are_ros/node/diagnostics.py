@@ -210,6 +210,16 @@ def input_doubts(snapshot: NodeSnapshot) -> list[str]:
     return [f"no message of {one.topic} yet{_why_nothing(one)}" for one in lacking]
 
 
+def robot_doubt(snapshot: NodeSnapshot) -> str:
+    """Return the sentence about a pose of the robot that has not come for a while; "" if it has.
+
+    Without the required inputs there is none: those come first.
+    """
+    is_early = snapshot.active_s < GRACE_S or bool(input_doubts(snapshot))
+    problem = "" if is_early else snapshot.robot_problem
+    return f"no pose of the robot, so nothing is perceived: {problem}" if problem else ""
+
+
 def _is_stale(entry: InputSnapshot) -> bool:
     age_s, period_s = entry.age_s, entry.period_s
     if entry.is_latched or age_s is None or period_s is None:
@@ -476,9 +486,11 @@ class Reporter:
         self._blocked, self._arrived = CountWatch(MINUTE_NS), CountWatch(MINUTE_NS)
         self._passed: dict[str, CountWatch] = {}
         self._last_contact, self._contact_ns = "", _NEVER_NS
-        self._has_namesake = Lasting(_NAMESAKE_S)
+        self._has_namesake, self._is_lost = Lasting(_NAMESAKE_S), Lasting(GRACE_S)
         self.doubts: tuple[str, ...] = ()
-        """Warnings for the log: about the clock, the node's name, and inputs that do not come."""
+        """Warnings for the log: about the clock, the node's name, and what does not come."""
+        self._without_robot = ""
+        """What was wrong at first: the sentence changes with the time."""
 
     def happened(self, events: tuple[ArtefactEvent, ...], now_ns: int) -> None:
         """Take the events since the last tick; the last contact of the robot is kept."""
@@ -511,7 +523,10 @@ class Reporter:
             inputs=tuple(subscriptions.snapshots(now_ns)) if subscriptions else (),
             **(self._of_builder(live, now_ns) if live else {}),
         )
-        doubts = clock_doubt(snapshot), name_doubt(snapshot), *input_doubts(snapshot)
+        if self._is_lost.see(now_ns, holds=bool(doubt := robot_doubt(snapshot))):
+            self._without_robot = self._without_robot or doubt
+        doubts = [clock_doubt(snapshot), name_doubt(snapshot), self._without_robot]
+        doubts += input_doubts(snapshot)
         self.doubts = tuple(doubt for doubt in doubts if doubt)
         name = self._node.get_fully_qualified_name().lstrip("/")
         self._publisher.publish(encode_diagnostics(stamp_ns, statuses(snapshot), name))

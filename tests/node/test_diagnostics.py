@@ -19,6 +19,7 @@ from are_ros.node.diagnostics import (
     Status,
     encode_diagnostics,
     input_doubts,
+    robot_doubt,
     statuses,
 )
 from are_ros.node.watches import FaultWatch, InputSnapshot, TickFigures
@@ -108,6 +109,16 @@ def test_the_log_names_the_required_inputs_that_never_came() -> None:
     for active_s in (5.0, 60.0):
         assert input_doubts(replace(waiting, active_s=active_s)) == expected
     assert input_doubts(WELL) == []
+
+
+def test_the_log_says_why_there_is_no_pose_of_the_robot() -> None:
+    """Once the map has come; before, that is what is missing."""
+    lost = replace(WELL, robot_problem="frame 'odom' was never seen")
+    expected = "no pose of the robot, so nothing is perceived: frame 'odom' was never seen"
+    assert robot_doubt(lost) == expected
+    assert robot_doubt(replace(lost, active_s=4.9)) == ""
+    assert robot_doubt(replace(lost, inputs=(NO_MAP,))) == ""
+    assert robot_doubt(WELL) == ""
 
 
 def test_an_optional_input_that_never_came() -> None:
