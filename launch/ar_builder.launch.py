@@ -13,7 +13,6 @@ its own name. Another name is a remapping around the inclusion of this file:
     ])
 """
 
-import re
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -78,10 +77,20 @@ def start(context: Any) -> list[Any]:
 
 
 def parameters(given: dict[str, str]) -> list[Any]:
-    """Return the file first and what was given as arguments after it, so that the latter wins."""
+    """Return the files first and what was given as arguments after them, so that the latter wins.
+
+    The files are copies that hold in the node's namespace. A ParameterError ends the launch where
+    params_file holds nothing for it.
+    """
+    from are_ros.parameters.ros_yaml import parameter_files_for_ros
+
+    folder = Path(tempfile.mkdtemp(prefix="ar_builder_"))
+    files = []
+    for text in parameter_files_for_ros(Path(given["params_file"]), given["namespace"]):
+        files.append(folder / f"{len(files)}.yaml")
+        files[-1].write_text(text, encoding="utf-8")
     flags = {name: is_true(given[name]) for name in FLAGS if given[name]}
-    path = in_any_namespace(Path(given["params_file"]))
-    return [str(path), flags] if flags else [str(path)]
+    return [*map(str, files), *([flags] if flags else [])]
 
 
 def is_true(text: str) -> bool:
@@ -89,17 +98,3 @@ def is_true(text: str) -> bool:
     if text.lower() not in ("true", "false"):
         raise ValueError(f"'{text}' is neither true nor false")
     return text.lower() == "true"
-
-
-def in_any_namespace(path: Path) -> Path:
-    """Return a copy of a parameter file whose `ar_builder:` holds in every namespace.
-
-    ROS takes that line for /ar_builder alone, and would leave a node of a namespace its defaults
-    without a word.
-    """
-    text = path.read_text(encoding="utf-8")
-    copy = Path(tempfile.mkdtemp(prefix="ar_builder_"), path.name)
-    ours = r"^([\"']?)/?ar_builder\1:"
-    anywhere = re.sub(ours, "/**/ar_builder:", text, flags=re.MULTILINE)
-    copy.write_text(anywhere, encoding="utf-8")
-    return copy

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 import yaml
 
+from are_ros.errors import ParameterError
 from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
@@ -95,16 +96,28 @@ def test_arguments_come_after_the_file(launch_file: Any, tmp_path: Path) -> None
         launch_file.parameters(given | {"use_sim_time": "maybe"})
 
 
-@pytest.mark.parametrize("key", ["ar_builder", "/ar_builder"])
-def test_the_file_holds_in_every_namespace(launch_file: Any, tmp_path: Path, key: str) -> None:
-    """ROS would take either spelling for the node of the root namespace alone."""
-    text = f"# ar_builder: mine\n{key}:\n  ros__parameters:\n    catalogue: 'ar_builder:'\n"
+@pytest.mark.parametrize("namespace", ["", "robot1"])
+def test_the_file_holds_in_every_namespace(
+    launch_file: Any, tmp_path: Path, namespace: str
+) -> None:
+    """ROS would take its name for the node of the root namespace alone; files lie beside it."""
+    (tmp_path / "rows.yaml").write_text("rows: []\n")
+    text = "ar_builder:\n  ros__parameters: {catalogue: rows.yaml}\n"
     (tmp_path / "mine.yaml").write_text(text)
-    made = launch_file.in_any_namespace(tmp_path / "mine.yaml").read_text()
-    assert made == text.replace(f"\n{key}:\n", "\n/**/ar_builder:\n")
-    other = "/**:\n  ros__parameters: {}\n/robot/ar_builder:\n  ros__parameters: {}\n"
-    (tmp_path / "mine.yaml").write_text(other)
-    assert launch_file.in_any_namespace(tmp_path / "mine.yaml").read_text() == other
+    given = {"params_file": str(tmp_path / "mine.yaml"), "namespace": namespace}
+    given = dict.fromkeys(launch_file.ARGUMENTS, "") | launch_file.DEFAULTS | given
+    first, second = map(Path, launch_file.parameters(given))
+    assert first.read_text() == text.replace("ar_builder:", "/**/ar_builder:")
+    assert read_ros_parameters(second) == {"catalogue": str(tmp_path / "rows.yaml")}
+
+
+def test_a_file_for_others_ends_the_launch(launch_file: Any, tmp_path: Path) -> None:
+    """ROS would start the node with its defaults, without a word."""
+    (tmp_path / "mine.yaml").write_text("/robot2/ar_builder:\n  ros__parameters: {seed: 5}\n")
+    given = {"params_file": str(tmp_path / "mine.yaml"), "namespace": "robot1"}
+    given = dict.fromkeys(launch_file.ARGUMENTS, "") | launch_file.DEFAULTS | given
+    with pytest.raises(ParameterError, match="holds nothing for /robot1/ar_builder"):
+        launch_file.parameters(given)
 
 
 def topics_of(view: Any) -> Iterator[tuple[str, Mapping[str, Any]]]:
