@@ -116,6 +116,7 @@ def test_a_map_without_its_frame_is_doubted(
         real_data / (JARVIS + "jarvis_2.bag"),
         "--map",
         real_data / (JARVIS + "i-108_10mm.yaml"),
+        *("--topic", "scan:=/driver_laser_security/laser_scan"),
     )
     done = run_are("replay", *words, "--duration", "5", "--skip", "grids", "--out", tmp_path)
     assert done.returncode == 0

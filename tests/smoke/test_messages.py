@@ -28,10 +28,12 @@ def parts_of(path: Path) -> Iterator[tuple[Any, str]]:
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_fields_and_constants_are_those_of_the_definition(path: Path) -> None:
-    """In their order: the bytes on the wire depend on it."""
+    """In their order: the bytes on the wire depend on it. A number after a name is its default."""
     for kind, text in parts_of(path):
         bare = re.sub(r"#.*", "", text)
-        fields = re.findall(r"^[\w/]+(?:\[\])?\s+(\w+)\s*$", bare, re.MULTILINE)
+        found = re.findall(r"^[\w/]+(?:\[\])?\s+(\w+)(?:\s+(-?\d+))?\s*$", bare, re.MULTILINE)
+        fields = [name for name, _ in found]
+        assert all(getattr(kind(), name) == int(default) for name, default in found if default)
         constants = re.findall(r"^\w+\s+(\w+)=(\d+)\s*$", bare, re.MULTILINE)
         made = [*kind.get_fields_and_field_types()]
         assert made == fields or (made, fields) == (["structure_needs_at_least_one_member"], [])

@@ -340,8 +340,9 @@ def test_the_real_hall_is_understood(real_data: Path) -> None:
     assert inspection.base_frame == "base_footprint"
     assert "map" in inspection.frames.connected_to("base_footprint")
     assert inspection.frames.oddities[0].startswith("4 frame names begin with a slash")
-    (no_map,) = inspection.missing
+    no_map, no_scan = inspection.missing
     assert "--map" in no_map
+    assert no_scan == "a choice of scans: --topic scan:=/NAME (see roles)"
 
 
 def test_the_real_ship_is_understood(real_data: Path) -> None:
