@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,11 +16,11 @@ from are_ros.bag.roles import CAMERA, find_roles
 from are_ros.errors import BagError, InputError
 from are_ros.replay.progress import OpenProgress
 from are_ros.replay.recorded_frames import ROBOT_ROLES, RecordedRobot
+from are_ros.replay.recorded_scene import LATEST_TICKS
 from are_ros.world.rigid_transform import RigidTransform
 
 Sightings = Mapping[int, Sighting]
 
-_WAITING_TICKS: Final = 20
 _ARTEFACTS, _PERCEIVED = PREFIX + "artefacts", PREFIX + "perceived"
 
 
@@ -103,16 +103,21 @@ class TruthReader:
     ) -> Iterator[TrueTick]:
         """Yield the ticks; `also` takes rosbags' objects of further topics, in their order.
 
-        A tick is yielded after the next one has begun and what was perceived of it has come, live
-        at most 20 ticks later.
+        A tick is yielded after the next one has begun, and after the list of the perceived of it or
+        of a later one has come, which the latency of a detector delays. The robot's pose is that at
+        its stamp, else as the tick knew it.
         """
         has_perceived = _PERCEIVED in self._types
         topics = {*self._roles, *also, _ARTEFACTS, *([_PERCEIVED] if has_perceived else [])}
         waiting: deque[tuple[Scene, RigidTransform | None]] = deque()
         sightings: dict[int, Sightings] = {}
+        listed_ns = -1
 
         def first() -> TrueTick:
             scene, base = waiting.popleft()
+            frames = self.parameters.frames.map, self.robot.base_frame()
+            exact = self.robot.tree.try_lookup(*frames, scene.stamp_ns)
+            base = base if exact is None else exact
             for at_ns in [one for one in sightings if one < scene.stamp_ns]:
                 del sightings[at_ns]
             return TrueTick(scene, sightings.pop(scene.stamp_ns, {}), base)
@@ -128,12 +133,13 @@ class TruthReader:
                     waiting.append((value, self.robot.poses(value.stamp_ns)[0]))
                 elif message.topic == _PERCEIVED:
                     sightings[value.stamp_ns] = {one.artefact_id: one for one in value.sightings}
+                    listed_ns = max(listed_ns, value.stamp_ns)
                 else:
                     self._take(message, value)
                 while len(waiting) > 1 and (
                     not has_perceived
-                    or waiting[0][0].stamp_ns in sightings
-                    or len(waiting) > _WAITING_TICKS
+                    or waiting[0][0].stamp_ns <= listed_ns
+                    or len(waiting) > LATEST_TICKS
                 ):
                     yield first()
             while waiting:

@@ -44,6 +44,8 @@ _OTHER_CAMERA: Final = "other_camera_info/"
 _SCAN_TYPE: Final = "sensor_msgs/msg/LaserScan"
 _WAITING_TICKS: Final = 20
 """The messages of a tick come in any order, but not later than this."""
+LATEST_TICKS: Final = 1200
+"""A list of the perceived comes at most so much later: 10 s of latency at 100 Hz, and some."""
 _WAITING_SCANS: Final = 40
 _NO_METRICS: Final = SceneMetrics(0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, float("nan"))
 
@@ -128,7 +130,8 @@ class SceneReader:
     """Takes decoded messages in their order, and gives a `Moment` for each tick.
 
     `keep` is called with the moment and the camera of that time when all messages of the tick have
-    come: 20 ticks later, or, live, as soon as the perceived artefacts are known.
+    come: 20 ticks later and after the list of the perceived of that tick or of a later one, which
+    the latency of a detector delays; live, as soon as that list has come, or is overdue.
     """
 
     def __init__(
@@ -139,10 +142,16 @@ class SceneReader:
         self.revision = 0
         """It changes whenever the map or the voxels do."""
         self._parameters, self._keep, self._is_live = parameters, keep, is_live
+        certainty = parameters.certainty
+        late_s = certainty.latency if certainty.enabled else 0.0
+        late = math.ceil(late_s * parameters.builder.tick_rate)
+        self._most = _WAITING_TICKS + late if is_live else LATEST_TICKS
         self._robot = RecordedRobot(parameters, has_camera_info=has_camera_info)
         self._scans = _ScanKeeper(parameters.frames.map)
         self._waiting: deque[tuple[Moment, Camera | None]] = deque()
         self._perceived: OrderedDict[int, frozenset[int]] = OrderedDict()
+        self._listed_ns = -1
+        """The newest stamp of a list of the perceived: those of ticks before it have come."""
         self._metrics: OrderedDict[int, SceneMetrics] = OrderedDict()
         self._last_metrics = _NO_METRICS
         self._events: list[ArtefactEvent] = []
@@ -221,6 +230,7 @@ class SceneReader:
 
     def _take_perceived(self, perceived: Perceived) -> None:
         self._perceived[perceived.stamp_ns] = perceived.ids
+        self._listed_ns = max(self._listed_ns, perceived.stamp_ns)
         self._give()
 
     def _take_event(self, event: Event) -> None:
@@ -252,9 +262,9 @@ class SceneReader:
         self._cloud = message
 
     def _give(self) -> None:
-        while self._waiting and (
-            len(self._waiting) > _WAITING_TICKS
-            or (self._is_live and self._waiting[0][0].stamp_ns in self._perceived)
+        least = 0 if self._is_live else _WAITING_TICKS
+        while len(self._waiting) > least and (
+            self._waiting[0][0].stamp_ns <= self._listed_ns or len(self._waiting) > self._most
         ):
             self._give_first()
 
@@ -266,7 +276,7 @@ class SceneReader:
         self._events = [event for event in self._events if event.stamp_ns > now_ns]
         perceived = self._perceived.pop(now_ns, frozenset())
         for unused in (self._perceived, self._metrics):
-            while len(unused) > 10 * _WAITING_TICKS:
+            while len(unused) > 2 * LATEST_TICKS:
                 unused.popitem(last=False)
         metrics = self._last_metrics
         self._keep(replace(moment, perceived=perceived, events=events, metrics=metrics), camera)

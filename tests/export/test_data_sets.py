@@ -11,6 +11,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from are_ros.bag.recording import Recording, find_recording
+from are_ros.replay.recorded_scene import read_recorded_scene
 from bags.simulation.making import RosbagsFactory
 from tests.checks.test_live import Tape
 from tests.oracles.recorded import read_outputs
@@ -19,6 +21,7 @@ from tests.replay.test_clouds import AUGMENTED, by_stamp, cloud_of
 
 Floats = npt.NDArray[np.float64]
 NS_PER_S = 1_000_000_000
+SAMPLE = Path(__file__).parents[2] / "bags" / "sample_office.mcap"
 KITTI_COLUMNS = 15
 CROWD = ("--set", "population.arrival_rate:=0.06", "--set", "population.mean_life:=6")
 
@@ -70,6 +73,63 @@ def test_each_track_is_a_file_as_tum_has_them(sample_replay: Path, tracks: Path)
     poses = {tick.stamp_ns: tick.poses[number] for tick in outputs.ticks if number in tick.poses}
     assert track[:, 0] == pytest.approx(np.array(list(poses)) / NS_PER_S, abs=1e-6)
     assert track[:, 1:4] == pytest.approx(np.array([p[:3] for p in poses.values()]), abs=1e-6)
+
+
+def test_the_robot_is_where_its_transforms_say_at_the_stamp(
+    sample_replay: Path, tracks: Path
+) -> None:
+    """Between two transforms, by numpy's interpolation; the tick itself knew but the first."""
+    samples: dict[str, list[list[float]]] = {"odom": [], "base_footprint": []}
+    with Recording(find_recording(sample_replay)) as recording:
+        for message in recording.messages(["/tf", "/tf_static"]):
+            for one in recording.decode(message).samples:
+                if one.child in samples:
+                    yaw_rad = 2.0 * math.atan2(one.rotation_xyzw[2], one.rotation_xyzw[3])
+                    samples[one.child].append(
+                        [one.stamp_ns / NS_PER_S, *one.translation_m, yaw_rad]
+                    )
+    robot = np.loadtxt(tracks / "tum" / "robot.txt")
+    at_s = robot[:-2, 0]
+
+    def pose(child: str) -> Floats:
+        known = np.array(samples[child])
+        known[:, 4] = np.unwrap(known[:, 4])
+        return np.stack([np.interp(at_s, known[:, 0], known[:, k]) for k in (1, 2, 4)], axis=1)
+
+    odom, base = pose("odom"), pose("base_footprint")
+    turn = np.exp(1j * odom[:, 2]) * (base[:, 0] + 1j * base[:, 1])
+    expected = odom[:, :2] + np.stack((turn.real, turn.imag), axis=1)
+    assert robot[:-2, 1:3] == pytest.approx(expected, abs=2e-3)
+
+
+@pytest.mark.parametrize("certainty", ["latency:=2.5", "latency:=0.1"])
+def test_perceptions_that_come_late_belong_to_the_tick_of_their_stamp(
+    run_are: RunAre, tmp_path: Path, certainty: str
+) -> None:
+    """A detector with latency tells of the past: in tracks and in pictures it is there."""
+    words = ("replay", SAMPLE, "--params", SAMPLE.with_suffix(".yaml"), "--duration", "40")
+    given = ("--set", "certainty.enabled:=true", "--set", f"certainty.{certainty}")
+    done = run_are(*words, *given, "--with-inputs", "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert run_are("export", tmp_path / "out", "--tracks", tmp_path / "tracks").returncode == 0
+    recording = tmp_path / "out" / "augmented.mcap"
+    outputs, seen = read_outputs(recording), by_stamp(recording, "/ar_builder/perceived")
+    expected = set()
+    for tick in outputs.ticks:
+        lists = seen.get(divmod(tick.stamp_ns, NS_PER_S))
+        told = {one.id for one in lists.artefacts} if lists else set()
+        expected |= {(tick.stamp_ns, number) for number in told & tick.poses.keys()}
+    with (tmp_path / "tracks" / "tracks.csv").open(encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if row["perceived"] == "1"]
+    assert {(int(row["stamp_ns"]), int(row["id"])) for row in rows} == expected
+    assert len(expected) > 20
+    scene = read_recorded_scene(tmp_path / "out", lambda _start, _end: lambda _now: None)
+    shown = {
+        (moment.stamp_ns, number)
+        for moment in scene.record.moments()
+        for number in moment.perceived & {one.artefact_id for one in moment.artefacts}
+    }
+    assert shown == expected
 
 
 def test_a_live_recording_gives_the_tracks_of_the_replay_it_was_made_of(
