@@ -133,7 +133,7 @@ class TruthReader:
                     waiting.append((value, self.robot.poses(value.stamp_ns)[0]))
                 elif message.topic == _PERCEIVED:
                     sightings[value.stamp_ns] = {one.artefact_id: one for one in value.sightings}
-                    listed_ns = max(listed_ns, value.stamp_ns)
+                    listed_ns = value.stamp_ns
                 else:
                     self._take(message, value)
                 while len(waiting) > 1 and (

@@ -151,7 +151,7 @@ class SceneReader:
         self._waiting: deque[tuple[Moment, Camera | None]] = deque()
         self._perceived: OrderedDict[int, frozenset[int]] = OrderedDict()
         self._listed_ns = -1
-        """The newest stamp of a list of the perceived: those of ticks before it have come."""
+        """The stamp of the last list of the perceived: those of ticks before it have come."""
         self._metrics: OrderedDict[int, SceneMetrics] = OrderedDict()
         self._last_metrics = _NO_METRICS
         self._events: list[ArtefactEvent] = []
@@ -230,7 +230,7 @@ class SceneReader:
 
     def _take_perceived(self, perceived: Perceived) -> None:
         self._perceived[perceived.stamp_ns] = perceived.ids
-        self._listed_ns = max(self._listed_ns, perceived.stamp_ns)
+        self._listed_ns = perceived.stamp_ns
         self._give()
 
     def _take_event(self, event: Event) -> None:

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from are_ros.bag.recording import Recording, find_recording
 from are_ros.errors import BagError
 from are_ros.replay.pictures import draw_recording
-from are_ros.replay.recorded_scene import RecordedScene, read_recorded_scene
+from are_ros.replay.recorded_scene import RecordedScene, SceneReader, read_recorded_scene
 from are_ros.replay.results import metrics_content
 from tests.checks.test_live import Tape
 from tests.replay.conftest import ReplaySample, RunAre
@@ -86,6 +87,25 @@ def test_the_picture_of_a_recording_has_its_name(
     assert str(tmp_path / picture) in done.stderr
     named = {"run.mcap", "effective.yaml", picture}
     assert {path.name for path in tmp_path.iterdir()} == named
+
+
+def test_the_live_view_shows_the_perceived_of_each_round_of_a_loop(sample_replay: Path) -> None:
+    """The clock jumps back, and what was perceived then still comes after the tick."""
+    shown: list[tuple[int, frozenset[int]]] = []
+    with Recording(find_recording(sample_replay)) as recording:
+        reader = SceneReader(
+            recording.files.effective(),
+            lambda moment, _: shown.append((moment.stamp_ns, moment.perceived)),
+            has_camera_info=True,
+            is_live=True,
+        )
+        names = {f"/ar_builder/{name}": name for name in ("artefacts", "perceived")}
+        for _ in range(2):
+            for message in recording.messages(names):
+                reader.take(names[message.topic], recording.decode(message))
+    first, second = shown[: len(shown) // 2], shown[len(shown) // 2 :]
+    assert any(perceived for _, perceived in first)
+    assert second[1:] == first[1:]
 
 
 def test_of_a_looped_recording_the_first_pass_is_seen(
