@@ -16,6 +16,7 @@ from numba import types
 from numba.core.caching import (
     CompileResultCacheImpl,
     FunctionCache,
+    NullCache,
     UserProvidedCacheLocator,
 )
 from numba.core.codegen import JITCodeLibrary
@@ -30,6 +31,8 @@ _IMPORT: Final = re.compile(
     rf"^\s*from ({_PACKAGE.name}[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE
 )
 
+_LONG_STACK: Final = 2**17
+"""How many words a frame has, half of a piece of the stack: 1 MB."""
 _ATTEMPTS: Final = 6000
 _PAUSE_S: Final = 0.01
 
@@ -65,7 +68,7 @@ class _Kernel(CPUDispatcher):  # type: ignore[misc] # numba is not typed
         super().__init__(function, targetoptions=options, pipeline_class=_KernelCompiler)
         self._compiler = _WithQuickFlags(function, self.targetdescr, options, {}, _KernelCompiler)
         self._cache = KernelCache(function)  # as `enable_caching` of numba does
-        self._part = _Part(function, options)
+        self._part = _Part(function, options, self)
 
     @property
     def _numba_type_(self) -> types.Type:
@@ -80,11 +83,17 @@ class _Kernel(CPUDispatcher):  # type: ignore[misc] # numba is not typed
 
 
 class _Part(CPUDispatcher):  # type: ignore[misc] # numba is not typed
-    """A kernel as others call it: no machine code of its own, its code is put into theirs."""
+    """A kernel as others call it: no machine code of its own, its code is put into theirs.
 
-    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+    If Python has called the kernel before, its code is there already, and is taken.
+    """
+
+    def __init__(
+        self, function: Callable[..., Any], options: dict[str, Any], kernel: _Kernel
+    ) -> None:
         super().__init__(function, targetoptions=options, pipeline_class=_PartCompiler)
         self._compiler = _WithQuickFlags(function, self.targetdescr, options, {}, _PartCompiler)
+        self._cache = _Made(kernel)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Return what numba calls for arguments of some types; literals count as their plain type.
@@ -100,6 +109,18 @@ class _Part(CPUDispatcher):  # type: ignore[misc] # numba is not typed
         result = result._replace(entry_point=object())
         self.targetctx.insert_user_function(result.entry_point, result.fndesc, [result.library])
         self.overloads[tuple(result.signature.args)] = result
+
+
+class _Made(NullCache):  # type: ignore[misc] # numba is not typed
+    """The kernels that Python has called, as a cache of the parts."""
+
+    def __init__(self, kernel: _Kernel) -> None:
+        self._kernel = kernel
+
+    def load_overload(self, sig: Any, _target_context: Any) -> Any:
+        """Return what was compiled of the kernel for a signature, if anything was."""
+        result = self._kernel.overloads.get(sig)
+        return result and result._replace(metadata={})  # numba adds how long this took
 
 
 class _KernelCompiler(Compiler):  # type: ignore[misc] # numba is not typed
@@ -321,3 +342,14 @@ def inlined(function: _Function) -> _Function:
     A call that takes arrays passes seven numbers for each, which costs more than a short kernel.
     """
     return compiled(function, _nrt=False, forceinline=True)
+
+
+def on_long_stack(function: _Function) -> _Function:
+    """Let all that a function calls have its frames in one piece of Python's stack.
+
+    The interpreter keeps frames in pieces of 16 KB. A call at the end of one maps another, and its
+    return unmaps that: the deep compiler did so half a million times, a twelfth of a first start.
+    A frame that is as large as this one makes the interpreter map a piece with room for all.
+    """
+    function.__code__ = function.__code__.replace(co_stacksize=_LONG_STACK)
+    return function

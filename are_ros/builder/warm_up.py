@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from numba.core import event
 
-from are_ros._compiled import KERNELS, name_of
+from are_ros._compiled import KERNELS, name_of, on_long_stack
 from are_ros.agents.local_planner.body import MotionCommand
 from are_ros.agents.simulate import CrowdSimulator
 from are_ros.builder.ar_builder import ArBuilder
@@ -80,6 +80,7 @@ Count = Callable[[int, int], None]
 """Takes how many kernels are compiled, and how many there are at most."""
 
 
+@on_long_stack
 def warm_up(
     catalogue: Catalogue,
     needs: WarmUpNeeds,
@@ -233,18 +234,21 @@ class _Names(event.Listener):  # type: ignore[misc] # numba is not typed
         """Go on."""
 
 
+@on_long_stack
 def help_out() -> None:
     """Compile decisions, perception, maps and sensors, as the second process.
 
-    Its input says for what. Decisions come first: the parent process needs them soonest.
+    Its input says for what. Decisions come first: the parent process needs them soonest. The
+    compiler's many objects are never freed: this process is short, and that takes seconds.
     """
-    gc.set_threshold(*_FEW_COLLECTIONS)
+    gc.disable()
     catalogue, needs = pickle.load(sys.stdin.buffer)  # noqa: S301 - our own parent wrote it
     standing, still = {"standing": 1.0}, MotionLimits(speed_mps=0.0)
     rows = [replace(row, behaviours=standing, motion=still) for row in catalogue.rows]
     with event.install_listener("numba:compile", _Names()):
         _Scene(catalogue, needs, lambda: None).decide()
         _Scene(Catalogue(tuple(rows)), needs, lambda: None).sense()
+    os._exit(0)
 
 
 class _Scene:
