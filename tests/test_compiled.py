@@ -1,6 +1,7 @@
 """What is compiled is kept on disk, for as long as it is what the sources say."""
 
 import os
+import resource
 import shutil
 import subprocess
 import sys
@@ -77,6 +78,51 @@ def test_a_kernel_that_only_kernels_call_has_no_code_of_its_own(pair: Path, tmp_
     from_python = run(pair, "from pair.inner import inner; print(inner(1))", str(cache))
     assert from_python.communicate(timeout=120)[0].split() == ["2"]
     assert len(list(cache.rglob("*.nbi"))) == 2
+
+
+@pytest.mark.parametrize("is_kept", [False, True])
+def test_a_kernel_that_python_has_called_is_not_compiled_for_others_again(
+    pair: Path, is_kept: bool
+) -> None:
+    """Whether it was compiled by this process, or an earlier one."""
+    if is_kept:
+        run(pair, "from pair.inner import inner; inner(4)").communicate(timeout=120)
+    program = """
+from numba.core import event
+from pair.inner import inner
+from pair.outer import outer
+with event.install_recorder("numba:compile") as seen:
+    before = inner(4)
+    print(before, outer(4))
+print(*[e.data["dispatcher"].py_func.__name__ for _, e in seen.buffer if e.is_start])
+"""
+    compiled = ["outer"] if is_kept else ["inner", "outer"]
+    assert run(pair, program).communicate(timeout=120)[0].split() == ["5", "50", *compiled]
+
+
+def test_calls_far_down_on_a_long_stack_map_no_memory() -> None:
+    """Wherever a piece of Python's stack ends, else each call there maps another one."""
+
+    def leaf() -> None:
+        return
+
+    def down(depth: int) -> None:
+        for _ in range(500):
+            leaf()
+        if depth:
+            down(depth - 1)
+
+    @_compiled.on_long_stack
+    def begin_down() -> None:
+        down(200)
+
+    def faults() -> int:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+
+    begin_down()
+    before = faults()
+    begin_down()
+    assert faults() - before < 200
 
 
 def test_what_a_part_raises_comes_out_of_its_caller(pair: Path) -> None:
