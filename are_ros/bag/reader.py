@@ -1,11 +1,12 @@
 """Recordings of ROS 1 and ROS 2: their topics, and their messages in order of time."""
 
 import heapq
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import lru_cache
-from operator import attrgetter
+from itertools import chain
 from pathlib import Path
 from struct import Struct
 from struct import error as StructError  # noqa: N812
@@ -28,6 +29,7 @@ from are_ros.messages.transforms import (
     read_odometry_numbers,
     read_transforms,
 )
+from are_ros.wording import listed
 
 # Errors of rosbags, as one sentence for the user.
 
@@ -50,7 +52,6 @@ _SENTENCES = (
     ("Profile is not ros2", "it is an MCAP file of another kind than ROS 2"),
     ("Could not load YAML", "its metadata.yaml is malformed"),
     ("Invalid bag metadata", "its metadata.yaml is empty or no rosbag2 metadata"),
-    ("files are missing", "files that its metadata.yaml names are missing"),
     ("database", _DATABASE),
     ("checksum mismatch", _DAMAGED),
 )
@@ -74,6 +75,9 @@ def as_bag_errors(what: str) -> Iterator[None]:
 def sentence_of(error: Exception) -> str:
     """Return a plain description of an error, without a full stop."""
     text = " ".join(" ".join(str(part) for part in error.args).split()).rstrip(".")
+    if "files are missing" in text:
+        names = listed([Path(name).name for name in re.findall(r"'([^']+)'", text)])
+        return f"files that its metadata.yaml names are missing: {names}; give those there are"
     for part, sentence in _SENTENCES:
         if part in text:
             return sentence
@@ -170,8 +174,11 @@ def _check_folder(path: Path) -> None:
         return
     inside = [file.name for file in _recordings_in(path)]
     message = f"{path}: a folder without metadata.yaml is no rosbag2 recording"
-    hint = f"; give the files in it themselves: {', '.join(inside)}" if inside else ""
-    raise BagError(message + hint)
+    if inside:
+        message += f"; give the files in it themselves: {', '.join(inside)}"
+    elif any(file.suffix in _COMPRESSED for file in path.iterdir()):
+        message += "; decompress the files in it (zstd -d), and give those themselves"
+    raise BagError(message)
 
 
 def _recordings_in(folder: Path) -> list[Path]:
@@ -233,9 +240,92 @@ def _types_of(type_name: str, definition: Any) -> dict[str, Any]:
     return types
 
 
+# The files of a recording.
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """A file of a recording, opened: `reader` is rosbags' of this file alone.
+
+    What rosbags reads of a whole folder relies on its metadata.yaml, which may be older than the
+    files, name other QoS than they have, or name files in another order than that of their times.
+    """
+
+    path: Path
+    reader: Any
+    start_ns: int
+    stop_ns: int
+    count: int
+    is_compressed: bool = False
+
+    @classmethod
+    def of(cls, path: Path, reader: Any) -> "list[_Part]":
+        """Return the files of an opened recording; BagError if one of them is not complete."""
+        storage = getattr(reader, "storage", None)
+        if storage is None or not hasattr(storage, "storages"):
+            _check_complete(path)
+            times = int(reader.start_time), int(reader.end_time)
+            return [cls(path, reader, *times, reader.message_count)]
+        is_compressed = storage.metadata.compression_mode == "message"
+        parts = []
+        for file in {Path(file.path).name: file for file in storage.storages}.values():
+            name, data = path / Path(file.path).name, file.metadata
+            _check_complete(name)
+            times = int(data.start_time), int(data.end_time)
+            parts.append(cls(name, file, *times, data.message_count, is_compressed))
+        return parts
+
+    def messages(
+        self, topics: Collection[str] | None, start_ns: int | None, stop_ns: int | None
+    ) -> Iterator["BagMessage"]:
+        """Yield the messages of topics (None: all) in order of log time; BagError if damaged."""
+        wanted = [c for c in self.reader.connections if topics is None or c.topic in topics]
+        if not wanted:
+            return
+        read = 0
+        with as_bag_errors(str(self.path)):
+            for connection, log_time_ns, data in self.reader.messages(wanted, start_ns, stop_ns):
+                read += 1
+                plain = _decompressed(data) if self.is_compressed else data
+                yield BagMessage(connection.topic, log_time_ns, plain, connection)
+        promised = sum(connection.msgcount for connection in wanted)
+        if start_ns is None and stop_ns is None and read < promised:
+            # rosbags ends in silence at a record of an mcap that it cannot read
+            raise BagError(f"{self.path}: damaged: {read} of {promised} messages can be read")
+
+
+def _check_complete(path: Path) -> None:
+    """Refuse a database the last messages of which are in a file beside it."""
+    rest = path.with_name(f"{path.name}-wal")
+    if path.suffix == ".db3" and rest.is_file() and rest.stat().st_size:
+        raise BagError(
+            f"{path}: the last messages are in {rest.name} still (the recorder runs, or was"
+            f" killed); `sqlite3 {path.name} 'PRAGMA wal_checkpoint(TRUNCATE)'` moves them"
+        )
+
+
+def _decompressed(data: bytes) -> bytes:
+    from zstandard import ZstdDecompressor
+
+    return ZstdDecompressor().decompressobj().decompress(data)
+
+
+def _lanes(parts: Sequence[_Part]) -> list[list[int]]:
+    """Return the numbers of parts in lanes: those of a lane follow each other in time.
+
+    One after the other, the parts of a lane need not be open, with their chunks, at a time.
+    """
+    lanes: list[list[int]] = []
+    for number in sorted(range(len(parts)), key=lambda k: parts[k].start_ns):
+        start_ns = parts[number].start_ns
+        lane = next((lane for lane in lanes if parts[lane[-1]].stop_ns <= start_ns), None)
+        if lane is None:
+            lanes.append(lane := [])
+        lane.append(number)
+    return lanes
+
+
 _TRANSFORMS = "tf2_msgs/msg/TFMessage"
-_REORDER_NS = NS_PER_S
-"""Parts of a split recording overlap by less than this."""
 
 
 @dataclass(frozen=True)
@@ -273,7 +363,7 @@ class BagReader:
     def __init__(self, paths: Sequence[Path]) -> None:
         self._paths = tuple(paths)
         self._stack = ExitStack()
-        self._readers: list[tuple[Path, Any]] = []
+        self._parts: list[_Part] = []
         self.is_ros1 = check_paths(self._paths)
         self._stores: dict[tuple[str, str], Any] = {}
         self._migrations: dict[str, Any] = {}
@@ -290,26 +380,26 @@ class BagReader:
                     reader: Any = Ros1Reader(path) if self.is_ros1 else Ros2Reader(path)
                     reader.open()
                 stack.callback(reader.close)
-                self._readers.append((path, reader))
-            if not any(reader.message_count for _, reader in self._readers):
+                self._parts += _Part.of(path, reader)
+            if not any(part.count for part in self._parts):
                 names = ", ".join(path.name for path in self._paths)
                 raise BagError(f"{names}: the recording holds no message")
             self._stack = stack.pop_all()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._readers = []
+        self._parts = []
         self._stack.close()
 
     @property
     def start_ns(self) -> int:
         """Log time of the first message."""
-        return min(int(reader.start_time) for _, reader in self._readers)
+        return min(part.start_ns for part in self._parts)
 
     @property
     def end_ns(self) -> int:
         """Just after the log time of the last message: messages lie in [start_ns, end_ns)."""
-        return max(int(reader.end_time) for _, reader in self._readers)
+        return max(part.stop_ns for part in self._parts)
 
     @property
     def topics(self) -> tuple[BagTopic, ...]:
@@ -333,15 +423,24 @@ class BagReader:
     ) -> Iterator[BagMessage]:
         """Yield the messages of `topics` (None: all) with log times in [start_ns, stop_ns).
 
-        In order of log time, whatever the number of recordings. BagError if one is damaged.
+        In order of log time, whatever the files; at the same time, in order of the files. BagError
+        if one is damaged.
         """
-        streams = [
-            self._stream(path, reader, topics, start_ns, stop_ns) for path, reader in self._readers
-        ]
-        if len(streams) == 1:
-            yield from streams[0]
-        else:
-            yield from heapq.merge(*streams, key=attrgetter("log_time_ns"))
+        lanes = [self._lane(lane, topics, start_ns, stop_ns) for lane in _lanes(self._parts)]
+        for _, _, message in heapq.merge(*lanes) if len(lanes) > 1 else chain(*lanes):
+            yield message
+
+    def _lane(
+        self,
+        lane: Sequence[int],
+        topics: Collection[str] | None,
+        start_ns: int | None,
+        stop_ns: int | None,
+    ) -> Iterator[tuple[int, int, BagMessage]]:
+        """Yield the messages of parts that follow each other, with their times and part numbers."""
+        for number in lane:
+            for message in self._parts[number].messages(topics, start_ns, stop_ns):
+                yield message.log_time_ns, number, message
 
     def expect(self, types: Mapping[str, tuple[str, ...]]) -> None:
         """Refuse messages of topics, from now on, whose type is none of theirs."""
@@ -426,9 +525,9 @@ class BagReader:
             raise _malformed(message, cause) from cause
 
     def connections(self) -> Iterator[Any]:
-        """Yield rosbags' connections of all recordings: a topic and a type each."""
-        for _, reader in self._readers:
-            yield from reader.connections
+        """Yield rosbags' connections of all files: a topic and a type each."""
+        for part in self._parts:
+            yield from part.reader.connections
 
     def _store_of(self, connection: Any) -> Any:
         """Return the typestore of a connection, made at its first message."""
@@ -436,46 +535,6 @@ class BagReader:
         if key not in self._stores:
             self._stores[key] = _typestore_of(connection, is_ros1=self.is_ros1)
         return self._stores[key]
-
-    def _stream(
-        self,
-        path: Path,
-        reader: Any,
-        topics: Collection[str] | None,
-        start_ns: int | None,
-        stop_ns: int | None,
-    ) -> Iterator[BagMessage]:
-        """Yield the messages of one recording."""
-        wanted = [c for c in reader.connections if topics is None or c.topic in topics]
-        if not wanted:
-            return
-        with as_bag_errors(str(path)):
-            stream = (
-                BagMessage(connection.topic, log_time_ns, data, connection)
-                for connection, log_time_ns, data in reader.messages(
-                    connections=wanted, start=start_ns, stop=stop_ns
-                )
-            )
-            is_split = len(getattr(getattr(reader, "storage", None), "storages", ())) > 1
-            read = 0
-            for message in _in_order(stream, _REORDER_NS) if is_split else stream:
-                read += 1
-                yield message
-        promised = sum(connection.msgcount for connection in wanted)
-        if start_ns is None and stop_ns is None and read < promised:
-            # rosbags ends in silence at a record of an mcap that it cannot read
-            raise BagError(f"{path}: damaged: {read} of {promised} messages can be read")
-
-
-def _in_order(messages: Iterator[BagMessage], window_ns: int) -> Iterator[BagMessage]:
-    """Sort a stream that goes back in time by less than `window_ns`; ties keep their order."""
-    waiting: list[tuple[int, int, BagMessage]] = []
-    for number, message in enumerate(messages):
-        heapq.heappush(waiting, (message.log_time_ns, number, message))
-        while waiting[0][0] <= message.log_time_ns - window_ns:
-            yield heapq.heappop(waiting)[2]
-    while waiting:
-        yield heapq.heappop(waiting)[2]
 
 
 def _is_latched(connection: Any) -> bool:

@@ -1,18 +1,21 @@
 """Reading recordings of every kind, and saying what is wrong with bad ones."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import yaml
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 
-from are_ros.bag.reader import BagMessage, BagReader, BagTopic, _in_order
+from are_ros.bag.reader import BagReader, BagTopic
 from are_ros.bag.types import jazzy_typestore
+from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError, InputError
 from are_ros.messages.transforms import StampedTransform
 from bags.simulation.making import RosbagsFactory, make_transforms
@@ -64,12 +67,12 @@ def test_messages_that_are_promised_and_missing_are_said(
 ) -> None:
     """The reader of mcap ends in silence at what it cannot read."""
     with BagReader([write_bag(tmp_path / "bag.mcap", words)]) as reader:
-        ((path, whole),) = reader._readers
+        (part,) = reader._parts
         cut = SimpleNamespace(
-            connections=whole.connections,
-            messages=lambda **selection: list(whole.messages(**selection))[:-1],
+            connections=part.reader.connections,
+            messages=lambda *selection: list(part.reader.messages(*selection))[:-1],
         )
-        reader._readers = [(path, cut)]
+        reader._parts = [replace(part, reader=cut)]
         with pytest.raises(BagError, match=r"bag\.mcap: damaged: 3 of 4 messages can be read"):
             list(reader.messages())
         assert len(list(reader.messages(start_ns=0, stop_ns=31))) == 3
@@ -126,13 +129,74 @@ def test_compressed_recordings_are_read(tmp_path: Path, words: list[tuple[str, i
             assert [text for _, _, text in texts(reader)] == ["one", "two", "three", "four"]
 
 
-def test_parts_that_overlap_are_put_in_order() -> None:
-    """A stream that steps back by less than the window comes out sorted, ties as they came."""
-    times = [0, 5, 3, 8, 8, 6, 12, 11]
-    messages = [BagMessage(str(k), at, b"", None) for k, at in enumerate(times)]
-    ordered = list(_in_order(iter(messages), 5))
-    assert [message.log_time_ns for message in ordered] == sorted(times)
-    assert [message.topic for message in ordered if message.log_time_ns == 8] == ["3", "4"]
+@pytest.fixture
+def in_two_files(tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag) -> Path:
+    """Return a folder of two files, the later one first, that overlap by seconds."""
+    s = NS_PER_S
+    late = strings(factory, ("/a", 4 * s, "4"), ("/a", 8 * s, "8 late"), ("/b", 20 * s, "20"))
+    early = strings(factory, ("/a", 1, "0"), ("/b", 5 * s, "5"), ("/a", 8 * s, "8 early"))
+    first = write_bag(tmp_path / "late.mcap", late)
+    second = write_bag(tmp_path / "early.mcap", early)
+    name = second.name if second.name != first.name else "early.mcap"
+    second.rename(first.parent / name)
+    metadata = yaml.safe_load((first.parent / "metadata.yaml").read_text())
+    metadata["rosbag2_bagfile_information"]["relative_file_paths"] = [first.name, name]
+    (first.parent / "metadata.yaml").write_text(yaml.safe_dump(metadata))
+    return first.parent
+
+
+def test_files_that_overlap_are_read_in_order_of_time(in_two_files: Path) -> None:
+    """Whatever their order in metadata.yaml, which is that of the first file alone here."""
+    with BagReader([in_two_files]) as reader:
+        said = [text for _, _, text in texts(reader)]
+        assert said == ["0", "4", "5", "8 late", "8 early", "20"]
+        assert (reader.start_ns, reader.end_ns) == (1, 20 * NS_PER_S + 1)
+        assert [topic.count for topic in reader.topics] == [4, 2]
+
+
+def test_a_file_that_is_named_twice_is_read_once(in_two_files: Path) -> None:
+    """As by a metadata.yaml that was put together by hand."""
+    metadata = in_two_files / "metadata.yaml"
+    content = yaml.safe_load(metadata.read_text())
+    content["rosbag2_bagfile_information"]["relative_file_paths"] *= 2
+    metadata.write_text(yaml.safe_dump(content))
+    with BagReader([in_two_files]) as reader:
+        assert len(texts(reader)) == 6
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".db3"])
+def test_other_qos_in_metadata_is_no_matter(
+    tmp_path: Path, write_bag: WriteBag, words: list[tuple[str, int, Any]], suffix: str
+) -> None:
+    """Some change it by hand."""
+    none = {"sec": 0, "nsec": 0}
+    profile = {
+        **dict.fromkeys(("deadline", "lifespan", "liveliness_lease_duration"), none),
+        "history": "keep_last",
+        "depth": 1,
+        "reliability": "reliable",
+        "durability": "transient_local",
+        "liveliness": "automatic",
+        "avoid_ros_namespace_conventions": False,
+    }
+    folder = write_bag(tmp_path / f"bag{suffix}", words).parent
+    metadata = yaml.safe_load((folder / "metadata.yaml").read_text())
+    for topic in metadata["rosbag2_bagfile_information"]["topics_with_message_count"]:
+        topic["topic_metadata"]["offered_qos_profiles"] = [profile]
+    (folder / "metadata.yaml").write_text(yaml.safe_dump(metadata))
+    with BagReader([folder]) as reader:
+        assert len(texts(reader)) == 4
+
+
+def test_a_database_that_is_not_complete_is_refused(
+    tmp_path: Path, write_bag: WriteBag, words: list[tuple[str, int, Any]]
+) -> None:
+    """The recorder was killed: the last messages are in a file of SQLite's beside it."""
+    file = write_bag(tmp_path / "bag.db3", words)
+    Path(f"{file}-wal").write_bytes(b"rest")
+    for path in (file, file.parent):
+        with pytest.raises(BagError, match=r"db3-wal still .* `sqlite3 .*wal_checkpoint"):
+            BagReader([path]).__enter__()
 
 
 def test_a_latched_topic_is_known(tmp_path: Path, factory: RosbagsFactory) -> None:
@@ -258,7 +322,7 @@ def test_a_folder_that_lost_its_file_is_said(
     """metadata.yaml without its files, or malformed, is named."""
     file = write_bag(tmp_path / "bag.mcap", words)
     file.unlink()
-    with pytest.raises(BagError, match=r"files that its metadata\.yaml names are missing"):
+    with pytest.raises(BagError, match=r"names are missing: \S+mcap; give those"):
         BagReader([file.parent]).__enter__()
     (file.parent / "metadata.yaml").write_text("a: [")
     with pytest.raises(BagError, match=r"its metadata\.yaml is malformed"):
