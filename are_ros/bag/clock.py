@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.bag.file_order import JumpBack
 from are_ros.bag.reader import STAMP_AT, BagMessage, BagReader, stamp_in
 from are_ros.builder.population_manager import IDLE_NS
 from are_ros.conventions import NS_PER_S
@@ -91,6 +92,7 @@ class RecordedTimes:
     `moving_log_ns`, int64 (N,) ascending. `next_moving_ns` is the log time of the first one after
     the window, None where the window ends with the recording. `still_since_ns` is that of the last
     one before the window, or a minute before it; None where the window begins with the recording.
+    `jump_back` are the log times within the window that occur twice, None without.
     """
 
     bag_start_ns: int
@@ -103,6 +105,7 @@ class RecordedTimes:
     next_moving_ns: int | None = None
     still_since_ns: int | None = None
     odometry_child: str = ""
+    jump_back: JumpBack | None = None
 
     @classmethod
     def read(
@@ -155,7 +158,15 @@ class RecordedTimes:
             next_moving_ns=first_time(reader, moving, stop_ns),
             still_since_ns=_still_since(reader, moving, start_ns),
             odometry_child=odometry_child,
+            jump_back=_jump_within(reader, moving, start_ns, stop_ns),
         )
+
+
+def _jump_within(
+    reader: BagReader, topics: Collection[str], start_ns: int, stop_ns: int
+) -> JumpBack | None:
+    jump = reader.jump_back(topics)
+    return jump if jump and jump.from_ns < stop_ns and start_ns <= jump.until_ns else None
 
 
 def first_time(
@@ -309,8 +320,10 @@ class BagClock:
         """Return the clock of a recording's window.
 
         It is the clock that most sources share, the log's if they agree with it. Raises BagError
-        where the stamps jump back, as in a recording that looped.
+        where the stamps or the log times jump back, as in a recording that looped.
         """
+        if times.jump_back is not None:
+            raise BagError(_said_of(times.jump_back, times.bag_start_ns))
         source = _reference(times.sources)
         if source is None:
             return cls(_NONE, _NONE)
@@ -374,6 +387,15 @@ def _instants(source: Times, bag_start_ns: int) -> tuple[Ints, Ints, str]:
     instants = np.stack([source.log_ns, source.stamps_ns], axis=1)
     _check_no_loop(source.name, instants, bag_start_ns)
     return source.log_ns, np.maximum.accumulate(source.stamps_ns), sentence
+
+
+def _said_of(jump: JumpBack, bag_start_ns: int) -> str:
+    from_s, until_s = ((ns - bag_start_ns) / NS_PER_S for ns in (jump.from_ns, jump.until_ns))
+    return (
+        f"{jump.topic}: the log times jump back from {until_s:.1f} s to {from_s:.1f} s (the clock"
+        " was set, or a simulation began anew while it was recorded by its own clock), and what is"
+        " between is mixed: replay what is before or after that with --start and --duration"
+    )
 
 
 def _check_no_loop(topic: str, instants: Ints, bag_start_ns: int) -> None:

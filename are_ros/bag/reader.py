@@ -15,6 +15,12 @@ from typing import Any, Final, NamedTuple
 from rosbags.interfaces import MessageDefinitionFormat
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
+from are_ros.bag.file_order import (
+    JumpBack,
+    has_file_order,
+    jump_back,
+    messages_in_file_order,
+)
 from are_ros.bag.types import jazzy_typestore, ros2_type
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError
@@ -293,6 +299,23 @@ class _Part:
             # rosbags ends in silence at a record of an mcap that it cannot read
             raise BagError(f"{self.path}: damaged: {read} of {promised} messages can be read")
 
+    def in_file_order(self, topics: Collection[str]) -> Iterator["BagMessage"]:
+        """Yield the messages of topics as they were written; of ROS 1 in order of log time."""
+        file = Path(self.reader.path)
+        if not has_file_order(file):
+            yield from self.messages(topics, None, None)
+            return
+        wanted = {one.id: one for one in self.reader.connections if one.topic in topics}
+        with as_bag_errors(str(self.path)):
+            for number, log_time_ns, data in messages_in_file_order(file, wanted):
+                plain = _decompressed(data) if self.is_compressed else data
+                yield BagMessage(wanted[number].topic, log_time_ns, plain, wanted[number])
+
+    def jump_back(self, topics: Collection[str]) -> JumpBack | None:
+        """Return where the log times of topics jump back in the file, None where nowhere."""
+        with as_bag_errors(str(self.path)):
+            return jump_back(Path(self.reader.path), self.reader, topics)
+
 
 def _check_complete(path: Path) -> None:
     """Refuse a database the last messages of which are in a file beside it."""
@@ -441,6 +464,16 @@ class BagReader:
         for number in lane:
             for message in self._parts[number].messages(topics, start_ns, stop_ns):
                 yield message.log_time_ns, number, message
+
+    def in_file_order(self, topics: Collection[str]) -> Iterator[BagMessage]:
+        """Yield the messages of topics as they were written, file by file."""
+        for part in self._parts:
+            yield from part.in_file_order(topics)
+
+    def jump_back(self, topics: Collection[str]) -> JumpBack | None:
+        """Return where the log times of topics jump back furthest in a file, None where nowhere."""
+        jumps = [jump for part in self._parts if (jump := part.jump_back(topics)) is not None]
+        return max(jumps, key=lambda jump: jump.until_ns - jump.from_ns, default=None)
 
     def expect(self, types: Mapping[str, tuple[str, ...]]) -> None:
         """Refuse messages of topics, from now on, whose type is none of theirs."""

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import yaml
-from mcap.reader import make_reader
 
 from are_ros.bag.decoded import Scene, value_of
 from are_ros.bag.marker_decoding import decode_markers
@@ -23,7 +22,6 @@ from are_ros.bag.reader import (
     BagMessage,
     BagReader,
     BagTopic,
-    as_bag_errors,
     stamp_in,
 )
 from are_ros.conventions import NS_PER_S
@@ -338,7 +336,8 @@ class Recording:
         progress(end_ns)
 
     def _in_log_order(self, topics: Collection[str] | None) -> Iterator[RecordedMessage]:
-        for topic, log_ns, data, connection in self._reader.messages(self._recorded(topics)):
+        names = None if topics is None else self._recorded(topics)
+        for topic, log_ns, data, connection in self._reader.messages(names):
             yield RecordedMessage(self._names[topic], connection.msgtype, log_ns, data, log_ns)
 
     def _timed(self, topics: Collection[str] | None) -> Iterator[RecordedMessage]:
@@ -351,23 +350,14 @@ class Recording:
                 yield _timed(message, ticks.before(place))
 
     def _in_file_order(self) -> Iterator[RecordedMessage]:
-        """Yield the relevant messages of a live recording; of a database in order of log time."""
+        """Yield the relevant messages of a live recording as they were written."""
         types = {topic: name for topic, name in self.types.items() if matters(topic, name)}
-        if self.files.files[0].suffix != ".mcap":
-            yield from self._in_log_order(types)
-            return
-        for file in self.files.files:
-            with as_bag_errors(str(file)), file.open("rb") as stream:
-                names = self._recorded(types)
-                raw = make_reader(stream).iter_messages(names, log_time_order=False)
-                for _, channel, message in raw:
-                    topic = self._names[channel.topic]
-                    yield RecordedMessage(topic, types[topic], message.log_time, message.data)
+        for topic, log_ns, data, _ in self._reader.in_file_order(self._recorded(types)):
+            name = self._names[topic]
+            yield RecordedMessage(name, types[name], log_ns, data)
 
-    def _recorded(self, topics: Collection[str] | None) -> list[str] | None:
-        """Return the names in the file of some topics (None: all)."""
-        if topics is None:
-            return None
+    def _recorded(self, topics: Collection[str]) -> list[str]:
+        """Return the names in the file of some topics."""
         return [recorded for recorded, name in self._names.items() if name in topics]
 
     def _live_ticks(self) -> LiveTicks:

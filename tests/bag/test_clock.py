@@ -150,6 +150,24 @@ def test_a_recording_that_looped_is_refused(
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.parametrize("name", ["b.mcap", "b.db3"])
+def test_a_recording_whose_log_looped_is_refused(
+    run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path, name: str
+) -> None:
+    """A simulation begun anew, recorded by its own clock: two drives at once. What is not, can."""
+    start_ns = sample_records[0][1]
+    end_ns = max(at for _, at, _ in sample_records)
+    again = [record for record in sample_records if record[1] > start_ns + 2 * NS_PER_S]
+    bag = write_bag(tmp_path / name, [*sample_records, *again])
+    done = run_are("replay", bag, "--out", tmp_path / "out")
+    assert done.returncode == 1
+    until_s = (end_ns - start_ns) / NS_PER_S
+    assert f"the log times jump back from {until_s:.1f} s to 2.0 s" in done.stderr
+    assert "the clock jumps back (see time)" in run_are("inspect", bag).stdout
+    done = run_are("replay", bag, "--duration", 1.5, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+
+
 def test_a_map_from_long_before_does_not_stretch_the_replay(
     run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path
 ) -> None:

@@ -154,6 +154,36 @@ def test_files_that_overlap_are_read_in_order_of_time(in_two_files: Path) -> Non
         assert [topic.count for topic in reader.topics] == [4, 2]
 
 
+@pytest.mark.parametrize("suffix", KINDS)
+def test_a_clock_that_jumped_back_shows_in_the_order_of_the_file(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag, suffix: str
+) -> None:
+    """In order of log time it does not. Another topic that was written later is no jump."""
+    s = NS_PER_S
+    times = [("/a", at) for at in (2, 4, 6, 3, 5, 7)] + [("/b", at) for at in (2, 3, 8)]
+    records = strings(factory, *((topic, at * s, f"{k}") for k, (topic, at) in enumerate(times)))
+    with BagReader([write_bag(tmp_path / f"bag{suffix}", records)]) as reader:
+        assert reader.jump_back(["/a", "/b"]) == ("/a", 3 * s, 6 * s)
+        assert reader.jump_back(["/b"]) is None
+        written = [reader.deserialize(one).data for one in reader.in_file_order(["/a"])]
+        if suffix != ".bag":
+            assert written == ["0", "1", "2", "3", "4", "5"]
+
+
+@pytest.mark.parametrize("back_s", [0.5, 3.0])
+def test_a_jump_of_many_chunks_is_found(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag, back_s: float
+) -> None:
+    """By the times of the chunks, before their indexes are read; half a second is none."""
+    text, back_ns = "x" * 100_000, round(back_s * NS_PER_S)
+    times = [k * NS_PER_S // 2 for k in range(1, 80)]
+    times += [times[-1] - back_ns + NS_PER_S // 10 * k for k in range(20)]
+    records = strings(factory, *(("/a", at, text) for at in times))
+    with BagReader([write_bag(tmp_path / "bag.mcap", records)]) as reader:
+        jump = reader.jump_back(["/a"])
+        assert jump == (("/a", times[79], times[78]) if back_s > 1.0 else None)
+
+
 def test_a_file_that_is_named_twice_is_read_once(in_two_files: Path) -> None:
     """As by a metadata.yaml that was put together by hand."""
     metadata = in_two_files / "metadata.yaml"

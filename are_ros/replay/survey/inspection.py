@@ -39,7 +39,7 @@ _SENSOR_ROLES = (*SENSORS, CAMERA)
 _GIVEN = "given"
 _LONG_NS = 2 * NS_PER_S
 """In a shorter recording transforms that come slowly may come once."""
-_LOOPED = "a choice of one pass with --start and --duration: the stamps jump back (see time)"
+_LOOPED = "a choice of one part with --start and --duration: the clock jumps back (see time)"
 _NO_MAP = "there is no map: give its file with --map FILE.yaml, or its topic with --topic map:="
 
 
@@ -175,7 +175,7 @@ def _clock(times: RecordedTimes) -> tuple[BagClock, str]:
     try:
         return BagClock.of(times), ""
     except BagError as cause:
-        return BagClock.of(replace(times, sources=())), str(cause)
+        return BagClock.of(replace(times, sources=(), jump_back=None)), str(cause)
 
 
 def _waits(
