@@ -217,6 +217,19 @@ def test_a_transform_that_came_late_is_known_from_then_on() -> None:
     assert frames.latest_ns("a", "b", 1000, 150) == 100
 
 
+def test_a_static_transform_is_what_was_said_last() -> None:
+    """Before the second one came, the first holds; of what is no pose, nothing does."""
+    frames, turn = Frames(), (0.0, 0.0, 0.0, 1.0)
+    for at_ns, x_m in ((10, 1.0), (20, 2.0), (30, math.nan)):
+        frames.add("base", "laser", 0, at_ns, (x_m, 0.0, 0.0, *turn), TF, is_static=True)
+    frames.add("base", "arm", 5, 5, (0.0, 0.0, 0.0, math.nan, 0.0, 0.0, 1.0), TF, is_static=False)
+    for known_ns, x_m in ((5, 1.0), (10, 1.0), (19, 1.0), (20, 2.0), (KNOWN, 2.0)):
+        pose = frames.lookup("base", "laser", 100, known_ns)
+        assert pose is not None
+        assert pose.translation_m[0] == x_m
+    assert frames.lookup("base", "arm", 5, KNOWN) is None
+
+
 @pytest.mark.parametrize("is_turned", [False, True])
 def test_given_transforms_hold_against_recorded_ones(is_turned: bool) -> None:
     """As in the builder's tree, also where the pair is given the other way round."""

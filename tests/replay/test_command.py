@@ -108,7 +108,7 @@ def test_complaints_name_topics_and_numbers() -> None:
         options=ReplayOptions((), Parameters(), is_wait_given=True),
         needed_wait_s=0.3,
         apart=frozenset(),
-        scans={"/scan": SensorPathCounts(exact=1, passed_through=7)},
+        scans={"/scan": SensorPathCounts(exact=8, passed_through=7)},
         role_of_topic={"/scan": "scan"},
         record=SimpleNamespace(events=()),
         map_doubts=["the robot stood in a wall"],

@@ -35,7 +35,7 @@ class Pose(NamedTuple):
 
 @dataclass(eq=False)
 class _Edge:
-    """One source's samples of one child frame, in order of stamp; a static one has a single one."""
+    """One source's samples of one child frame, in order of stamp; of a static one as they came."""
 
     parent: str
     is_static: bool
@@ -66,7 +66,7 @@ class _Edge:
     def at(self, stamp_ns: int, known_by_ns: int) -> Pose | None:
         """Return parent_from_child, interpolated; None outside of what was known."""
         if self.is_static:
-            return _pose(self.numbers[-1])
+            return _pose(self.numbers[max(0, bisect_right(self.logs_ns, known_by_ns) - 1)])
         count = bisect_right(self.reached_ns, known_by_ns)
         after = bisect_left(self.stamps_ns, stamp_ns, 0, count)
         before = after - 1
@@ -104,7 +104,8 @@ class Frames:
     ) -> None:
         """Take parent_from_child: x y z, then the quaternion x y z w; others are left out."""
         parent, child = parent.lstrip("/"), child.lstrip("/")
-        if not (parent and child) or abs(sum(n * n for n in numbers[3:]) - 1.0) > 0.01:
+        is_turn = abs(sum(n * n for n in numbers[3:]) - 1.0) <= 0.01
+        if not (parent and child and is_turn and np.isfinite(numbers).all()):
             return
         if source != PARAMETER:
             self._turn_given(parent, child)
@@ -113,6 +114,7 @@ class Frames:
         if edge is None or edge.parent != parent or edge.is_static != is_static:
             edge = edges[source] = _Edge(parent, is_static)
         if is_static:
+            edge.logs_ns.append(log_ns)
             edge.numbers.append(numbers)
         else:
             edge.add(stamp_ns, log_ns, numbers)

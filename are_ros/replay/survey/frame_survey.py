@@ -36,6 +36,7 @@ class SurveyedEdge:
     ahead_ns: int
     count: int = 0
     static_count: int = 0
+    unstamped: int = 0
     topics: tuple[str, ...] = ()
     source: TransformSource = TransformSource.ODOMETRY
     still_ns: int = 0
@@ -54,7 +55,7 @@ class SurveyedEdge:
         duration_ns = self.last_ns - self.first_ns - self.still_ns
         if self.is_static or duration_ns <= 0:
             return 0.0
-        return (self.count - 1) * NS_PER_S / duration_ns
+        return (self.count - self.unstamped - 1) * NS_PER_S / duration_ns
 
     def rate_text(self) -> str:
         """Return the rate in words; where all stamps are one, there is none."""
@@ -137,11 +138,12 @@ class FrameSurveyor:
             edge = self._edges.get(names)
             if edge is None:
                 edge = self._edges[names] = SurveyedEdge(*names, stamp_ns, stamp_ns, ahead_ns)
-            edge.first_ns = min(edge.first_ns, stamp_ns)
+            edge.first_ns = min(edge.first_ns or stamp_ns, stamp_ns or edge.first_ns)
             edge.last_ns = max(edge.last_ns, stamp_ns)
             edge.ahead_ns = max(edge.ahead_ns, ahead_ns)
             edge.count += 1
             edge.static_count += is_static
+            edge.unstamped += stamp_ns == 0
             edge.source = max(edge.source, source)
             if topic not in edge.topics:
                 edge.topics = tuple(sorted((*edge.topics, topic)))

@@ -2,8 +2,11 @@
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from types import MappingProxyType
+
+import numpy as np
 
 from are_ros.bag.clock import (
     BASE_FRAMES,
@@ -124,6 +127,8 @@ def inspect_bag(
         *_unchosen(roles, sensors),
         *_missing_pose(survey, map_frame, base_frame, reader, roles),
         *_turned_round(survey),
+        *_rings(survey),
+        *_missing_frames(role_of_topic, frame_ids),
         *_missing_mounts(survey, role_of_topic, frame_ids, base_frame),
         *_missing_cloud_frame(survey, roles.topic(OCTOMAP), frame_ids, map_frame),
         *_missing_camera(reader, roles),
@@ -331,6 +336,32 @@ def _turned_round(survey: FrameSurvey) -> Iterable[str]:
             )
 
 
+def _rings(survey: FrameSurvey) -> Iterable[str]:
+    """Say which recorded transforms make a ring, so that there is no tree."""
+    parents: dict[str, list[str]] = {}
+    for edge in survey.edges:
+        if edge.topics != (_GIVEN,) and edge.parent != edge.child:
+            parents.setdefault(edge.child, []).append(edge.parent)
+    try:
+        TopologicalSorter(parents).prepare()
+    except CycleError as cause:
+        ring = " -> ".join(cause.args[1])
+        yield f"a tree of frames: {ring} is a ring; let the publisher of one of them be silent"
+
+
+def _missing_frames(
+    role_of_topic: Mapping[str, str], frame_ids: Mapping[str, str]
+) -> Iterable[str]:
+    """Say whose messages name no frame; images are where their CameraInfo is."""
+    lenses = lens_topics(role_of_topic)
+    for topic in sorted({*role_of_topic, *lenses.values()} - set(lenses)):
+        if frame_ids.get(topic) == "":
+            yield (
+                f"the first message of {topic} names no frame, and is of no use: let its publisher"
+                " set header.frame_id"
+            )
+
+
 def _missing_mounts(
     survey: FrameSurvey, topics: Iterable[str], frame_ids: Mapping[str, str], base_frame: str
 ) -> Iterable[str]:
@@ -377,11 +408,24 @@ def _missing_camera(reader: BagReader, roles: RolesFound) -> Iterable[str]:
 
 
 def _missing_lenses(reader: BagReader, sensors: Mapping[str, str]) -> Iterable[str]:
-    """Say which images lack the CameraInfo beside them."""
+    """Say which images lack the CameraInfo beside them, or have one of another size."""
     filled = {topic.name for topic in reader.topics if topic.count > 0}
     for topic, lens_topic in lens_topics(sensors).items():
         if lens_topic not in filled:
             yield f"{topic} has no CameraInfo beside it, on {lens_topic}: it is not augmented"
+            continue
+        image, lens = _size_of(reader, topic), _size_of(reader, lens_topic)
+        if image and lens and image != lens:
+            yield (
+                f"the first image of {topic} has {image[0]}x{image[1]} pixels, its CameraInfo on"
+                f" {lens_topic} is of {lens[0]}x{lens[1]}: it is not augmented"
+            )
+
+
+def _size_of(reader: BagReader, topic: str) -> tuple[int, int] | None:
+    """Return width and height of the first image or CameraInfo; None of a compressed one."""
+    first = reader.first_object(topic)
+    return (first.width, first.height) if hasattr(first, "width") else None
 
 
 def _unchosen(roles: RolesFound, sensors: Mapping[str, Sequence[str]]) -> Iterable[str]:
@@ -402,7 +446,7 @@ def _missing_readings(reader: BagReader, sensors: Mapping[str, str]) -> Iterable
 
 
 def _missing_stamps(times: RecordedTimes) -> Iterable[str]:
-    """Say which readings and moving transforms were stamped 0 all the time."""
+    """Say which readings and moving transforms were stamped 0, always or for a time."""
     several = [one for one in (*times.scans.values(), *times.edges.values()) if len(one.log_ns) > 1]
     unstamped = [one.name for one in several if not one.stamps_ns.any()]
     if unstamped:
@@ -410,6 +454,13 @@ def _missing_stamps(times: RecordedTimes) -> Iterable[str]:
             f"no message of {listed(unstamped)} has a stamp, so nobody knows when it was: let its"
             " publisher stamp it, and record anew"
         )
+    for one in several:
+        count = int(np.count_nonzero(one.stamps_ns == 0))
+        if count > 1 and one.name not in unstamped:
+            yield (
+                f"{count} of {counted(len(one.stamps_ns), 'message')} of {one.name} have no stamp,"
+                " as of a node that waits for /clock, and are of no use"
+            )
 
 
 def _missing_clock(clock: BagClock) -> Iterable[str]:

@@ -36,9 +36,9 @@ def test_rates_in_words() -> None:
     """A single stamp has none, however often it came."""
     texts = [
         surveyed(*(edge("odom", "base", stamp_ns) for stamp_ns in stamps_ns)).edges[0].rate_text()
-        for stamps_ns in ((0,), (0, 0), (0, S // 10), (0, 50 * S))
+        for stamps_ns in ((S,), (S, S), (S, 11 * S // 10), (S, 51 * S), (0, S, 2 * S))
     ]
-    assert texts == ["once", "one stamp", "10.0 Hz", "0.02 Hz"]
+    assert texts == ["once", "one stamp", "10.0 Hz", "0.02 Hz", "1.0 Hz"]
     assert surveyed(static=(edge("odom", "base"),)).edges[0].rate_text() == "static"
 
 

@@ -381,6 +381,64 @@ def test_what_is_stamped_0_is_missing_its_stamps(
     assert unstamped.startswith("no message of /scan and base_link -> arm has a stamp,")
 
 
+def test_what_is_stamped_0_for_a_time_is_told(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """As of a driver that waits for the first /clock; its transforms have the rate of the rest."""
+    statics = [transform("base_link", "laser", 0), transform("map", "odom", 0)]
+    records = [("/tf_static", S, make_transforms(factory, statics))]
+    for k in range(10, 40):
+        stamp_ns = k * S // 10 if k >= 15 else 0
+        records.append(("/odom", k * S // 10, odometry(factory, k * S // 10)))
+        records.append(("/scan", k * S // 10, scan(factory, stamp_ns)))
+        arm = [transform("base_link", "arm", stamp_ns)]
+        records.append(("/tf", k * S // 10, make_transforms(factory, arm)))
+    inspection = inspected(write_bag(tmp_path / "bag.mcap", records), has_map_file=True)
+    assert [text.split(" have no stamp")[0] for text in inspection.missing] == [
+        "5 of 30 messages of /scan",
+        "5 of 30 messages of base_link -> arm",
+    ]
+    (edge,) = (edge for edge in inspection.frames.edges if edge.child == "arm")
+    assert edge.rate_text() == "10.0 Hz"
+
+
+def test_transforms_in_a_ring_are_told(
+    complete: Path, tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """A tree has none, and which parent holds would be a matter of who came last."""
+    with BagReader([complete]) as reader:
+        records = [(m.topic, m.log_time_ns, reader.deserialize(m)) for m in reader.messages()]
+    back = [transform("base_link", "odom", S), transform("base_link", "odom", 2 * S)]
+    records += [("/tf", t.stamp_ns, make_transforms(factory, [t])) for t in back]
+    path = write_bag(tmp_path / "ring.mcap", sorted(records, key=lambda record: record[1]))
+    (ring,) = inspected(path, map_frame="earth").missing
+    assert "odom -> base_link -> odom is a ring" in ring or "base_link -> odom -> base_l" in ring
+
+
+def test_messages_without_a_frame_are_told(
+    complete: Path, tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """Of a scan, and of the CameraInfo beside an image; the image itself needs none."""
+    with BagReader([complete]) as reader:
+        records = [(m.topic, m.log_time_ns, reader.deserialize(m)) for m in reader.messages()]
+    for topic, _, message in records:
+        if topic == "/front":
+            message.header.frame_id = ""
+    header = make_header(factory, "", S)
+    records += [
+        ("/c/depth", S, factory.make("sensor_msgs/msg/Image", header=header, **PIXEL)),
+        ("/c/camera_info", S, factory.make("sensor_msgs/msg/CameraInfo", header=header, width=2)),
+    ]
+    path = write_bag(tmp_path / "bare.mcap", sorted(records, key=lambda record: record[1]))
+    missing = inspected(path, sensors={"depth": ("/c/depth",)}).missing
+    assert [text for text in missing if "names no frame" in text] == [
+        f"the first message of {topic} names no frame, and is of no use: let its publisher set"
+        " header.frame_id"
+        for topic in ("/c/camera_info", "/front")
+    ]
+    assert any("has 1x1 pixels, its CameraInfo on /c/camera_info is of 2x0" in t for t in missing)
+
+
 def test_a_fixed_transform_that_came_once_on_tf_is_told(
     tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
 ) -> None:
