@@ -17,6 +17,7 @@ from are_ros.bag.clock import (
     first_time,
 )
 from are_ros.bag.reader import BagMessage, BagReader, BagTopic
+from are_ros.bag.recording import PREFIX
 from are_ros.bag.roles import CAMERA, OCTOMAP, ROLE_TYPES, RolesFound, find_roles, types_of
 from are_ros.bag.stretches import (
     Stretches,
@@ -502,11 +503,30 @@ def inspection_lines(inspection: Inspection, map_file: Path | None = None) -> li
     return [
         f"{duration_s:.1f} s, {counted(count, 'message')}",
         *section("topics", aligned(topics, numbers=(2, 3))),
-        *section("roles", [*aligned(list(players.items())), *inspection.roles.sentences()]),
+        *section("roles", [*aligned(list(players.items())), *_said_of_roles(inspection)]),
         *section("frames", [*inspection.frames.tree_lines(), *inspection.frames.oddities]),
         *section("time", list(inspection.time or ("stamps and times of recording agree",))),
         *section("missing", list(missing)),
     ]
+
+
+def _said_of_roles(inspection: Inspection) -> Iterable[str]:
+    """Return the notices on the roles, and which readings are left as they are."""
+    yield from inspection.roles.sentences()
+    played = {_players(inspection, role) for role in ROLE_TYPES}
+    used = {name for names in played for name in names.split(", ")}
+    for role, kind in SENSORS.items():
+        left = [
+            entry.topic.name
+            for entry in inspection.topics
+            if entry.topic.count and entry.topic.type_name == kind.type_name
+        ]
+        left = [name for name in left if name not in used and PREFIX not in name]
+        if left and not kind.is_image and _players(inspection, role) != "-":
+            yield (
+                f"left as they are: {listed(left)}; sensors.{kind.parameter} names all {kind.role}"
+                " topics that are to be augmented"
+            )
 
 
 def _players(inspection: Inspection, role: str) -> str:

@@ -415,6 +415,21 @@ def test_transforms_in_a_ring_are_told(
     assert "odom -> base_link -> odom is a ring" in ring or "base_link -> odom -> base_l" in ring
 
 
+def test_scans_that_stay_as_they_are_are_told(
+    complete: Path, tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """One topic plays the role; a robot with two lasers sees artefacts with that one alone."""
+    with BagReader([complete]) as reader:
+        records = [(m.topic, m.log_time_ns, reader.deserialize(m)) for m in reader.messages()]
+    records.append(("/rear", 2 * S, scan(factory, 2 * S)))
+    path = write_bag(tmp_path / "two.mcap", records)
+    lines = inspection_lines(inspected(path, overrides={"scan": "/front"}))
+    said = "left as they are: /rear; sensors.scans names all scan topics that are to be augmented"
+    assert said in lines
+    both = inspection_lines(inspected(path, sensors={"scan": ("/front", "/rear")}))
+    assert not any("left as they are" in line for line in both)
+
+
 def test_messages_without_a_frame_are_told(
     complete: Path, tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
 ) -> None:
