@@ -110,6 +110,10 @@ def _described(path: str, field: Any) -> Description:
 
 
 def _unknown(path: str, known: Mapping[str, Description]) -> str:
+    if group := [name for name in known if name.startswith(f"{path}.")]:
+        return f"parameter '{path}': it is a group of parameters, as {group[0]}, and has no value"
+    if path.rsplit(".", maxsplit=1)[-1].isdigit():
+        return f"parameter '{path}': there is no such parameter; a decimal comma has to be a point"
     near = difflib.get_close_matches(path, known, n=1)
     hint = f"; did you mean '{near[0]}'?" if near else ""
     return f"parameter '{path}': there is no such parameter{hint}"

@@ -3,6 +3,7 @@
 import difflib
 import json
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -86,7 +87,8 @@ def _our_sections(path: Path) -> list[tuple[str, dict[str, Any]]]:
     """Return name and values by path of each section for a node of our name. ParameterError."""
     content = read_yaml(path, f"parameter file {path}", ParameterError)
     if not isinstance(content, Mapping):
-        raise ParameterError(f"parameter file {path}: its top level is not a mapping")
+        reason = "it is empty" if content is None else "its top level is not a mapping"
+        raise ParameterError(f"parameter file {path}: {reason}")
     sections = [*_sections(content)]
     ours = [(node, section) for node, section in sections if _is_for_us(node)]
     if not ours:
@@ -97,6 +99,9 @@ def _our_sections(path: Path) -> list[tuple[str, dict[str, Any]]]:
         own = section.get(_SECTION) if isinstance(section, Mapping) else None
         if not isinstance(own, Mapping):
             raise ParameterError(f"parameter file {path}: '{node}' has no {_SECTION} mapping")
+        names = Counter(name for name, _ in _flattened(own))
+        if twice := [name for name, times in names.items() if times > 1]:
+            raise ParameterError(f"parameter file {path}: {listed(twice)} stands in it twice")
         found.append((node, dict(_flattened(own))))
     return found
 

@@ -124,7 +124,8 @@ def test_good_values_are_taken_in_their_own_type(path: str, value: Any, expected
         ("weights", [1.5], "1.5 is above 1.0"),
         ("topics", "scan", "'scan' is not a list"),
         ("topics", [1], "1 is not a string"),
-        ("inner", {}, "there is no such parameter"),
+        ("inner", {}, "it is a group of parameters, as inner.length, and has no value"),
+        ("inner.001", None, "a decimal comma has to be a point"),
         ("inner.lenght", 1.0, "did you mean 'inner.length'"),
     ],
 )

@@ -135,7 +135,12 @@ def test_numbers_with_exponents_are_numbers(tmp_path: Path, number: str) -> None
     ("text", "reason"),
     [
         ("- 1\n- 2\n", "its top level is not a mapping"),
-        ("", "its top level is not a mapping"),
+        ("", "it is empty"),
+        ("# nothing\n", "it is empty"),
+        (
+            "ar_builder:\n  ros__parameters: {a.b: 1, a: {b: 2}, c: 3}\n",
+            "some.yaml: a.b stands in it twice",
+        ),
         ("ar_builder:\n  seed: 1\n", "'ar_builder' has no ros__parameters mapping"),
         ("ar_builder: 3\n", "'ar_builder' has no ros__parameters mapping"),
         ("ar_builder:\n  ros__parameters:\n    - seed\n", "has no ros__parameters mapping"),
