@@ -56,6 +56,7 @@ _LOWEST_M, _HIGHEST_M = 0.1, 1.0
 _UNSEEN_OPACITY: Final = 0.3
 _FAN_RAYS: Final = 40
 _NEAR_M: Final = 2.0
+_NOTED_STEP_M: Final = 0.005
 _GROUND_LIFT_M, _FAN_LIFT_M, _WAY_LIFT_M = 0.005, 0.02, 0.03
 _ROBOT_HEIGHT_M: Final = 0.3
 _LABEL_GAP_M: Final = 0.12
@@ -199,6 +200,19 @@ def stop_server(server: Any) -> None:
         server.stop()
 
 
+def rounding_note(grid: OccupancyGrid) -> str:
+    """Return how coarsely 32-bit numbers place what lies on a map, "" where to a millimetre or two.
+
+    Meshes and pages have no others; a map in UTM coordinates is thousands of kilometres away.
+    """
+    far_m = np.abs(grid.origin.translation_m[:2]).max()
+    step_m = float(np.spacing(np.float32(far_m)))
+    if step_m < _NOTED_STEP_M:
+        return ""
+    far = f"{far_m / 1000.0:.0f} km from the origin of {grid.frame_id}"
+    return f"{far}, places are rounded to {step_m:.2g} m"
+
+
 class ViewedScene:
     """Draws a place and its ticks onto a scene of viser.
 
@@ -206,7 +220,7 @@ class ViewedScene:
     """
 
     def __init__(self, scene: Any, place: ViewedPlace) -> None:
-        self.notes: list[str] = []
+        self.notes = list(filter(None, [rounding_note(place.grid)]))
         self._scene, self._place = scene, place
         self._part = known_part(place.grid)
         self._field = VoxelField.of(place.voxels)

@@ -11,6 +11,7 @@ import numpy as np
 from are_ros.bag.recording import find_recording, walls_of
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import Moment, SceneRecord
+from are_ros.draw.viewer import rounding_note
 from are_ros.errors import BagError, InputError, MapError
 from are_ros.export.coco import export_coco
 from are_ros.export.kitti import export_kitti
@@ -56,7 +57,7 @@ def export_mesh(
         f"{counted(len(moment.artefacts), 'artefact')}, an environment of "
         f"{counted(triangles, 'triangle')})"
     )
-    for problem in _problems(recording, scene):
+    for problem in filter(None, [*_problems(recording, scene), rounding_note(scene.grid)]):
         say(problem)
 
 

@@ -279,3 +279,12 @@ def test_each_camera_has_a_frustum_and_a_field_of_view() -> None:
                 assert {i: node.handle.visible for i, node in nodes.items()} == shown
     finally:
         viewer.stop_server(server)
+
+
+@pytest.mark.parametrize(("x_m", "note"), [(0.0, ""), (60_000.0, ""), (5_411_567.0, "0.5 m")])
+def test_a_map_far_from_its_origin_is_noted(x_m: float, note: str) -> None:
+    """A page has numbers of 32 bits: in UTM coordinates artefacts would jump unexplained."""
+    origin = RigidTransform.planar(-x_m, 10.0, 0.3)
+    grid = OccupancyGrid(np.zeros((4, 4), np.int8), 0.5, origin, "utm")
+    said = viewer.rounding_note(grid)
+    assert said == (f"5412 km from the origin of utm, places are rounded to {note}" if note else "")
