@@ -87,6 +87,16 @@ class RecordingFiles:
         """Return the parameters of the run, the defaults where no file tells. ParameterError."""
         return Parameters() if self.parameters is None else with_file(Parameters(), self.parameters)
 
+    @property
+    def untold(self) -> str:
+        """What to do where no file tells the parameters, as the end of a sentence; else ""."""
+        if self.parameters is not None:
+            return ""
+        return (
+            f"; the defaults were taken, as no {PARAMETERS} lies beside the recording:"
+            f" `ros2 param dump /ar_builder > {PARAMETERS}` writes the node's parameters"
+        )
+
 
 def find_recording(path: Path) -> RecordingFiles:
     """Return the recording at a path.

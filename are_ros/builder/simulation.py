@@ -86,8 +86,8 @@ class Simulation:
             wanted = self.parameters.frames.map
             raise InputError(
                 f"map: its frame is '{grid.frame_id}', but frames.map is '{wanted}': set that to "
-                f"the map's frame (--map-frame {grid.frame_id}); but a map that moves with the "
-                "robot (a local, rolling one) cannot be the real map"
+                f"the map's frame (--set frames.map:={grid.frame_id}); but a map that moves with "
+                "the robot (a local, rolling one) cannot be the real map"
             )
         self.world.set_grid(grid)
 

@@ -34,7 +34,8 @@ def export_tracks(recording: Path, folder: Path, open_progress: OpenProgress) ->
             ids, ticks, poses = _write(reader, csv.writer(file), folder / TUM, open_progress)
     except OSError as cause:
         raise BagError(f"--tracks {folder}: {why_refused(cause)}") from cause
-    robot = f"the robot at {counted(poses, 'tick')}" if poses else "no pose of the robot"
+    robot = f"the robot at {counted(poses, 'tick')}" if poses else ""
+    robot = robot or f"no pose of the robot{reader.untold}"
     counts = f"{counted(ids, 'artefact')}, {counted(ticks, 'tick')}"
     return f"tracks: {folder} ({'; '.join((counts, robot, *reader.left_out))})"
 

@@ -81,9 +81,9 @@ class TruthReader:
         self.parameters = found.effective()
         self.left_out: tuple[str, ...] = ()
         """What `read` left out, as a sentence; none for nothing."""
-        self.recording = Recording(found)
+        self.recording, self.untold = Recording(found), found.untold
         with self.recording as recording:
-            self._types = recording.types
+            self._types = {one.name: one.type_name for one in recording.topics if one.count}
             self._roles = find_roles(recording.topics, {}).by_topic(ROBOT_ROLES)
         if _ARTEFACTS not in self._types:
             raise BagError(f"{path}: it holds no {_ARTEFACTS}, so nothing is known of artefacts")

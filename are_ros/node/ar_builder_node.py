@@ -96,6 +96,15 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         """Return the time of the node's clock, 0 before the first /clock of simulated time."""
         return int(self.get_clock().now().nanoseconds)
 
+    def _LifecycleNodeMixin__on_change_state(self, request: Any, response: Any) -> Any:  # noqa: N802 - rclpy has no other way
+        """Refuse a transition that the present state does not have: rclpy would end the node."""
+        try:
+            return super()._LifecycleNodeMixin__on_change_state(request, response)
+        except RuntimeError as cause:  # RCLError
+            self.get_logger().warning(f"~/change_state is refused: {cause}")
+            response.success = False
+            return response
+
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read the parameters, compile the kernels, subscribe, and relay."""
         del state

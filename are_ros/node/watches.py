@@ -278,6 +278,8 @@ class CountWatch:
 # One input: messages, rate, refusals and their reasons.
 
 
+_LEAST_SPAN_S: Final = 0.2
+"""Messages that had queued before the start come in an instant: that is no rate."""
 _MOST_STAMPS: Final = 1024
 """Beyond these the rate is that over the newest; a minute's transforms need not be kept."""
 
@@ -306,8 +308,9 @@ class InputSnapshot:
 
     @property
     def rate_hz(self) -> float | None:
-        """Messages per second."""
-        return 1.0 / self.period_s if self.period_s else None
+        """Messages per second, None until they have come for 0.2 s."""
+        period_s = self.period_s or 0.0
+        return 1.0 / period_s if period_s * (self.count - 1) >= _LEAST_SPAN_S else None
 
 
 class InputWatch:

@@ -7,6 +7,7 @@ from contextlib import contextmanager, suppress
 from typing import Any, Final
 
 import numpy as np
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
@@ -171,7 +172,10 @@ class LiveView:
         self.ticks: deque[Moment] = deque(maxlen=_WAY_TICKS)
         self._count = 0
         self._reader = SceneReader(parameters, self._show, has_camera_info=True, is_live=True)
-        self._subscribe()
+        try:
+            self._subscribe()
+        except InvalidTopicNameException as cause:
+            raise NodeError(f"{remote.name} names a topic that ROS 2 has not: {cause}") from cause
         self._add_controls()
 
     def work(self) -> None:

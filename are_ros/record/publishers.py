@@ -156,16 +156,19 @@ class PlayedTopics:
     def _publisher(self, node: Node, topic: BagTopic, options: PlayOptions) -> Any:
         """Return a new publisher; NodeError, with the reason, where there can be none."""
         type_name = ros2_type(topic.type_name)
-        if topic.name == CLOCK and options.clock_hz:
+        target = options.target(topic.name)
+        if CLOCK in (topic.name, slashed(target)) and options.clock_hz:
             raise NodeError("the player tells the time itself")
         if topic.name in self._topics:
             played = ros2_type(self._topics[topic.name].type_name)
             raise NodeError(f"as {type_name}, since it is played as {played}")
-        target = options.target(topic.name)
         try:
             return node.create_publisher(message_class(type_name), target, _qos(topic, options))
         except InvalidTopicNameException as cause:
             message = f"{target} is no name of a topic in ROS 2; --remap gives it another"
+            raise NodeError(message) from cause
+        except RuntimeError as cause:  # RCLError
+            message = f"{target} cannot be published as {type_name}; is it of another type here?"
             raise NodeError(message) from cause
 
 

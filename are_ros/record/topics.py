@@ -26,11 +26,11 @@ from are_ros.wording import why_refused
 class RecordOptions:
     """The options of `are record`.
 
-    `path` is an .mcap file. `topics` (empty: all
-    but hidden ones) and `exclude` are names, in which * and ? stand for anything. `wait_for`:
-    the recording is ready when these have a publisher. `duration_s` counts from then on, in
-    simulated seconds if `use_sim_time`: log times are then /clock's. Existing files are kept
-    unless `overwrite`.
+    `path` is an .mcap file. `topics` (empty: all) and `exclude` are names, in which * and ? stand
+    for anything; hidden topics (/_name) are recorded only where all of the name is given.
+    `wait_for`: the recording is ready when these have a publisher. `duration_s` counts from then
+    on, in simulated seconds if `use_sim_time`: log times are then /clock's. Existing files are
+    kept unless `overwrite`.
     """
 
     path: Path
@@ -45,7 +45,9 @@ class RecordOptions:
         """Return whether a topic, by its full name, is to be recorded."""
         if _matches(topic, self.exclude):
             return False
-        return _matches(topic, self.topics) if self.topics else "/_" not in topic  # hidden
+        if "/_" in topic:  # hidden
+            return topic in map(slashed, self.topics)
+        return not self.topics or _matches(topic, self.topics)
 
     def named_topics(self) -> tuple[str, ...]:
         """Return the full names of the topics that were asked for by name."""

@@ -100,6 +100,7 @@ def read_recorded_scene(
         raise BagError(f"{path}: it holds no map, neither /map nor {PREFIX}{_AUGMENTED}")
     could_tell = {"tf", "tf_static", "odom"} & {*roles.values()}
     problem = reader.robot_problem if could_tell else ""
+    problem += found.untold if problem else ""
     voxels = reader.voxels()
     return RecordedScene(record, grid, parameters, problem, voxels, reader.cloud_problem, left_out)
 

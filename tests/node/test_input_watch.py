@@ -42,6 +42,17 @@ def test_rate_is_that_of_the_messages_that_came() -> None:
     assert abs(figures.rate_hz - 10.0) < 1e-9
 
 
+def test_what_came_in_an_instant_has_no_rate() -> None:
+    """It had queued while the node began; a little later the rate is known."""
+    watch = InputWatch()
+    for _ in range(9):
+        watch.received(1000 * MS)
+    watch.received(1001 * MS)
+    assert at(watch, 1100 * MS).rate_hz is None
+    watch.received(1201 * MS)
+    assert at(watch, 1300 * MS).rate_hz is not None
+
+
 def test_rate_forgets_what_is_older_than_its_window() -> None:
     """After 10 s at the new rate, nothing of the old one is left."""
     watch = fed(range(0, 5000, 10))

@@ -129,7 +129,7 @@ def test_a_map_of_which_none_is_of_use_is_an_error(make_bench: MakeBench) -> Non
     assert level == ERROR
     assert message == (
         "1 message, none of use; the last: /map: its frame is 'odom', but frames.map is 'map': "
-        "set that to the map's frame (--map-frame odom); but a map that moves with "
+        "set that to the map's frame (--set frames.map:=odom); but a map that moves with "
         "the robot (a local, rolling one) cannot be the real map"
     )
 

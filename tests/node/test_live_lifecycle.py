@@ -10,6 +10,7 @@ from tests.ros import NOT_SET_UP
 
 pytest.importorskip("rclpy", reason=NOT_SET_UP)
 
+from bags.simulation.making import RosbagsFactory
 from tests.node.live_bench import Bench, stamp_ns
 from tests.node.live_scene import ns, odometry, pose_at, room
 
@@ -54,6 +55,17 @@ def test_it_can_be_shut_down_from_every_state(
     assert bench.state() == "finalized"
     assert bench.report()["state"].message == "finalized: the node has shut down"
     assert not bench.spawn(pose_at(2.0, 2.0)).success
+
+
+@pytest.mark.parametrize("transition_id", [1, 3, 99])
+def test_a_transition_that_the_state_has_not_is_refused(
+    make_bench: MakeBench, transition_id: int
+) -> None:
+    """By its number, as managers ask: rclpy alone would end the node, without an answer."""
+    bench = make_bench({}, "configure", "activate")
+    transition = RosbagsFactory().make("lifecycle_msgs/msg/Transition", id=transition_id)
+    assert not bench.call("change_state", transition=transition).success
+    assert bench.state() == "active"
 
 
 def test_a_wrong_transition_is_refused(make_bench: MakeBench) -> None:

@@ -107,6 +107,7 @@ def test_a_given_life_ends_when_it_is_over(bench: Bench) -> None:
         (pose_at(3.0, 3.2), {}, "it would overlap another artefact"),
         (pose_at(2.0, 2.0), {"label": "ghost"}, "'ghost'"),
         (pose_at(2.0, 2.0), {"row": 7}, "the catalogue has no row 7 of 'post'"),
+        (pose_at(2.0, 2.0), {"row": -2}, "the catalogue has no row -2 of 'post'"),
         (pose_at(2.0, 2.0), {"label": "", "row": 3}, "no row 3: the rows are 0..2"),
         (pose_at(2.0, 2.0, frame_id="arm"), {}, "'arm'"),
         (pose_at(2.0, 2.0, frame_id=""), {}, "spawn: pose: header.frame_id is empty"),

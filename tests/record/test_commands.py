@@ -1,6 +1,8 @@
 """The commands that play and record: their texts, and what they return."""
 
+import signal
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -44,6 +46,47 @@ def test_play_says_what_it_played(ros_available: None, tmp_path: Path) -> None:
     said.clear()
     assert not play_command(said.append, (), bags=(bag,))
     assert "/odd is not played" in said[0]
+
+
+def test_play_that_is_ended_is_interrupted(
+    ros_available: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It says what it played, and the exit status tells that this is not all."""
+    del ros_available
+    from are_ros.record import commands
+    from are_ros.record.player import play
+
+    bag = write_strings(tmp_path / "bag.mcap", [("/a", 0.0, "x"), ("/a", 9.0, "y")])
+    def ended(*words: Any) -> Any:
+        signal.raise_signal(signal.SIGINT)
+        return play(*words)
+
+    monkeypatch.setattr(commands, "play", ended)
+    said: list[str] = []
+    with pytest.raises(KeyboardInterrupt):
+        commands.play_command(said.append, (), bags=(bag,))
+    assert said[0].startswith("played")
+
+
+@pytest.mark.parametrize(
+    ("target", "reason"),
+    [
+        ("/odd name", "/odd name is no name of a topic"),
+        ("/clock", "the player tells the time itself"),
+        ("/parameter_events", "/parameter_events cannot be published as std_msgs/msg/String"),
+    ],
+)
+def test_a_topic_that_cannot_be_published_is_told(
+    ros_available: None, tmp_path: Path, target: str, reason: str
+) -> None:
+    """By its name, or because it is of another type here."""
+    del ros_available
+    from are_ros.record.commands import play_command
+
+    bag = write_strings(tmp_path / "bag.mcap", [("/a", 0.0, "x"), ("/b", 0.0, "y")])
+    said: list[str] = []
+    assert not play_command(said.append, (f"/a:={target}",), bags=(bag,), clock_hz=10.0)
+    assert said[0].startswith(f"/a is not played: {reason}")
 
 
 def test_record_says_what_it_recorded(ros_available: None, tmp_path: Path) -> None:

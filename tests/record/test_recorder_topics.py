@@ -34,6 +34,13 @@ def test_names_and_patterns_select() -> None:
     assert options.named_topics() == ("/scan",)
 
 
+def test_patterns_select_no_hidden_topics() -> None:
+    """Only the whole name of one does: /robot1/* is to be what its node tells."""
+    options = RecordOptions(Path("x.mcap"), topics=("/robot1/*", "walk/_action/feedback"))
+    names = ("/robot1/map", "/robot1/_alive", "/walk/_action/feedback", "/walk/_action/status")
+    assert [options.is_selected(name) for name in names] == [True, False, True, False]
+
+
 def test_what_is_not_recorded_is_not_awaited() -> None:
     """It would be waited for in vain."""
     options = RecordOptions(Path("x.mcap"), topics=("/scan",), wait_for=("map",))

@@ -191,7 +191,8 @@ def test_a_map_in_another_frame_names_the_option(
     done = run_are(command, bag, *(("--out", tmp_path / "out") if command == "replay" else ()))
     assert done.returncode == (1 if command == "replay" else 0)
     said = done.stdout + done.stderr
-    for part in ("'earth'" if command == "replay" else "earth", "--map-frame", "rolling"):
+    told = ("'earth'", "frames.map:=earth") if command == "replay" else ("earth", "--map-frame")
+    for part in (*told, "rolling"):
         assert part in said
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from are_ros.agents.behaviours.registry import BEHAVIOURS, why_not
 from are_ros.builder.simulation import Simulation
@@ -10,6 +11,8 @@ from are_ros.population.artefact import GroundPose, Origin, on_ground
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.randomness import Purpose, generator
 from are_ros.world.rigid_transform import RigidTransform
+
+_ANY_ROW: Final = -1
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +26,7 @@ class SpawnRequest:
     frame_id: str
     frame_from_pose: RigidTransform
     label: str = ""
-    row: int = -1
+    row: int = _ANY_ROW
     life_ns: int | None = None
     behaviour: str = ""
 
@@ -74,7 +77,7 @@ class Requests:
         catalogue = self._simulation.catalogue
         rows: Sequence[CatalogueRow]
         rows = catalogue.rows_named(request.label) if request.label else catalogue.rows
-        if request.row < 0:
+        if request.row == _ANY_ROW:
             rows = self._able(rows, request)
             self._requests += 1
             stream = generator(self._seed, Purpose.REQUEST, self._requests)
