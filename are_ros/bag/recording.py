@@ -8,6 +8,7 @@ order of the file, give the time: `RecordedMessage.at_ns`.
 import json
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
@@ -25,7 +26,7 @@ from are_ros.bag.reader import (
     stamp_in,
 )
 from are_ros.conventions import NS_PER_S
-from are_ros.errors import BagError, InputError
+from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.sensors import CAMERA_INFO_TYPE, OUTPUT_TYPES, SENSORS
 from are_ros.messages.tick_encoding import ALL_OUTPUTS, OUTPUTS
 from are_ros.parameters.model import Parameters
@@ -46,6 +47,9 @@ GRID_TOPICS: Final = tuple(
 MARKERS: Final = PREFIX + "markers"
 ARTEFACTS: Final = PREFIX + "artefacts"
 _DRAWN: Final = (MARKERS, *GRID_TOPICS)
+
+_NODE: Final = PREFIX.strip("/")
+_PARAMETER_EVENTS: Final = "/parameter_events"
 
 RECORDING: Final = "augmented.mcap"
 PARAMETERS: Final = "effective.yaml"
@@ -291,6 +295,17 @@ class Recording:
             return ""
         back = f"the clock jumps back by {ticks.back_ns / NS_PER_S:.1f} s"
         return f"{back}, as where a drive is played once more: what comes after that is left out"
+
+    @property
+    def changed_parameters(self) -> tuple[str, ...]:
+        """The node's parameters that were changed meanwhile, where /parameter_events tell."""
+        names: set[str] = set()
+        for message in self._reader.messages([_PARAMETER_EVENTS]):
+            with suppress(AreError):
+                event = self._reader.deserialize(message)
+                if event.node.rpartition("/")[2] == _NODE:
+                    names |= {parameter.name for parameter in event.changed_parameters}
+        return tuple(sorted(names))
 
     def in_log_order(
         self,

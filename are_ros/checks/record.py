@@ -53,6 +53,7 @@ from are_ros.messages.tick_encoding import ARTEFACT_BOXES, PERCEIVED_BOXES
 from are_ros.messages.tick_encoding import OCTOMAP as AUGMENTED_OCTOMAP
 from are_ros.parameters.choices import OdometryUse
 from are_ros.parameters.model import Parameters
+from are_ros.wording import listed
 
 _USUAL_BASES: Final = ("base_footprint", "base_link")
 _REAL_MAP: Final = "/map"
@@ -419,6 +420,11 @@ class Reading:
             self.is_open = True
             if self._recording.left_out:
                 self.tally.note(self._recording.left_out)
+            if changed := self._recording.changed_parameters:
+                self.tally.note(
+                    f"{listed(changed)} changed while it was recorded, and the checks take what"
+                    " they are given for the whole of it"
+                )
         walls, is_live = walls_of(self._files.path), not self._files.is_replay
         types = self._recording.types if self.is_open else {}
         clouds = [topic for topic, type_name in types.items() if type_name == _CLOUD]

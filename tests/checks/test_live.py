@@ -324,6 +324,21 @@ def test_a_looping_recording_is_checked_until_the_clock_jumps_back(
         assert results[name].looked_at == single[name].looked_at > 0, name
 
 
+def test_parameters_that_changed_meanwhile_are_told(whole: Tape, tmp_path: Path) -> None:
+    """The checks do not follow them, so a result that differs may be right."""
+    store, kind = jazzy_typestore(), "rcl_interfaces/msg/ParameterEvent"
+    value = store.types["rcl_interfaces/msg/ParameterValue"]
+    some = value(3, False, 0, 0.0, "all", *(np.array([], d) for d in "BBqd"), [])
+    gate = store.types["rcl_interfaces/msg/Parameter"]("costmap.gate", some)
+    stamp_now = store.types["builtin_interfaces/msg/Time"](0, 0)
+    tape = replace(whole.part(1.5), types={**whole.types, "/parameter_events": kind})
+    for node, told in (("/other", False), ("/ar_builder", True)):
+        event = store.types[kind](stamp_now, node, [], [gate], [])
+        entry = (tape.entries[-1][0], "/parameter_events", encoded(kind, event))
+        reason = results_of(tape.then(entry).write(tmp_path / node[1:]))["rosbags reader"].reason
+        assert ("costmap.gate changed while it was recorded" in reason) == told
+
+
 def test_messages_of_both_sides_may_mix_about_the_jump(whole: Tape, tmp_path: Path) -> None:
     """The topics do not jump at once: some messages of the end come after the beginning's."""
     tape = whole.part(1.5, 5.0).looped()

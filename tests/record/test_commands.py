@@ -57,6 +57,7 @@ def test_play_that_is_ended_is_interrupted(
     from are_ros.record.player import play
 
     bag = write_strings(tmp_path / "bag.mcap", [("/a", 0.0, "x"), ("/a", 9.0, "y")])
+
     def ended(*words: Any) -> Any:
         signal.raise_signal(signal.SIGINT)
         return play(*words)
