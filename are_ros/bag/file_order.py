@@ -6,8 +6,9 @@ anew while it was recorded by its own clock: in order of log time such messages 
 
 import sqlite3
 import struct
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import closing
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -40,16 +41,17 @@ def has_file_order(file: Path) -> bool:
     return file.suffix in (".mcap", ".db3")
 
 
-def messages_in_file_order(file: Path, numbers: Collection[int]) -> Iterator[Raw]:
-    """Yield the messages of some topics; raises what mcap and sqlite3 do of a damaged file."""
+def messages_in_file_order(file: Path, topics: Mapping[int, str]) -> Iterator[Raw]:
+    """Yield the messages of topics by number; raises what mcap and sqlite3 do of a damaged file."""
     if file.suffix == ".db3":
-        yield from _rows(file, "topic_id, timestamp, data", numbers)
+        yield from _rows(file, "topic_id, timestamp, data", topics)
         return
     from mcap.reader import make_reader
 
     with file.open("rb") as stream:
-        for _, channel, message in make_reader(stream).iter_messages(log_time_order=False):
-            if channel.id in numbers:
+        names = set(topics.values())
+        for _, channel, message in make_reader(stream).iter_messages(names, log_time_order=False):
+            if channel.id in topics:
                 yield channel.id, message.log_time, message.data
 
 
@@ -79,7 +81,8 @@ def _furthest(topic: str, times_ns: _Times) -> JumpBack | None:
 
 
 def _times_of_database(file: Path, numbers: Collection[int]) -> dict[int, _Times]:
-    rows = np.array(list(_rows(file, "topic_id, timestamp", numbers)), np.int64).reshape(-1, 2)
+    values = chain.from_iterable(_rows(file, "topic_id, timestamp", numbers))
+    rows = np.fromiter(values, np.int64).reshape(-1, 2)
     return {number: rows[rows[:, 0] == number, 1] for number in numbers}
 
 

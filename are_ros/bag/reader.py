@@ -307,7 +307,8 @@ class _Part:
             return
         wanted = {one.id: one for one in self.reader.connections if one.topic in topics}
         with as_bag_errors(str(self.path)):
-            for number, log_time_ns, data in messages_in_file_order(file, wanted):
+            names = {number: one.topic for number, one in wanted.items()}
+            for number, log_time_ns, data in messages_in_file_order(file, names):
                 plain = _decompressed(data) if self.is_compressed else data
                 yield BagMessage(wanted[number].topic, log_time_ns, plain, wanted[number])
 
