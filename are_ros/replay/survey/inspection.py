@@ -1,6 +1,7 @@
 """Which roles the topics of a recording play, and what is missing, for `are inspect`."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -415,18 +416,17 @@ def _missing_lenses(reader: BagReader, sensors: Mapping[str, str]) -> Iterable[s
         if lens_topic not in filled:
             yield f"{topic} has no CameraInfo beside it, on {lens_topic}: it is not augmented"
             continue
-        image, lens = _size_of(reader, topic), _size_of(reader, lens_topic)
-        if image and lens and image != lens:
-            yield (
-                f"the first image of {topic} has {image[0]}x{image[1]} pixels, its CameraInfo on"
-                f" {lens_topic} is of {lens[0]}x{lens[1]}: it is not augmented"
-            )
-
-
-def _size_of(reader: BagReader, topic: str) -> tuple[int, int] | None:
-    """Return width and height of the first image or CameraInfo; None of a compressed one."""
-    first = reader.first_object(topic)
-    return (first.width, first.height) if hasattr(first, "width") else None
+        image, info = reader.first_object(topic), reader.first_object(lens_topic)
+        if info is None or not hasattr(image, "width"):  # a compressed one
+            continue
+        with suppress(AreError):  # the replay tells what is wrong with it
+            view = read_camera_info(info, lens_topic).view(rectified=False)
+            if (image.width, image.height) != (view.width, view.height):
+                yield (
+                    f"the first image of {topic} has {image.width}x{image.height} pixels, its"
+                    f" CameraInfo on {lens_topic} is of {view.width}x{view.height}: it is not"
+                    " augmented"
+                )
 
 
 def _unchosen(roles: RolesFound, sensors: Mapping[str, Sequence[str]]) -> Iterable[str]:

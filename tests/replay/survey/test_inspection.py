@@ -46,6 +46,13 @@ PIXEL = {
     "step": 2,
     "data": np.zeros(2, np.uint8),
 }
+LENS = {
+    "width": 4,
+    "height": 6,
+    "binning_x": 2,
+    "binning_y": 2,
+    "k": np.array([9.0, 0.0, 2.0, 0.0, 9.0, 3.0, 0.0, 0.0, 1.0]),
+}
 TWO_BEAMS = {
     "angle_max": 0.5,
     "angle_increment": 0.5,
@@ -442,7 +449,7 @@ def test_messages_without_a_frame_are_told(
     header = make_header(factory, "", S)
     records += [
         ("/c/depth", S, factory.make("sensor_msgs/msg/Image", header=header, **PIXEL)),
-        ("/c/camera_info", S, factory.make("sensor_msgs/msg/CameraInfo", header=header, width=2)),
+        ("/c/camera_info", S, factory.make("sensor_msgs/msg/CameraInfo", header=header, **LENS)),
     ]
     path = write_bag(tmp_path / "bare.mcap", sorted(records, key=lambda record: record[1]))
     missing = inspected(path, sensors={"depth": ("/c/depth",)}).missing
@@ -451,7 +458,7 @@ def test_messages_without_a_frame_are_told(
         " header.frame_id"
         for topic in ("/c/camera_info", "/front")
     ]
-    assert any("has 1x1 pixels, its CameraInfo on /c/camera_info is of 2x0" in t for t in missing)
+    assert any("has 1x1 pixels, its CameraInfo on /c/camera_info is of 2x3" in t for t in missing)
 
 
 def test_a_fixed_transform_that_came_once_on_tf_is_told(
