@@ -28,6 +28,8 @@ _TYPES: Final = {"person": "Pedestrian", "car": "Car"}
 """KITTI's names of our classes; the others keep their own, with a capital."""
 _FULLY, _PARTLY = 0.8, 0.4
 """From these visible fractions on an object is fully visible (0), partly occluded (1); else 2."""
+_UNKNOWN: Final = 3
+_Placed = tuple[PointCloud, RigidTransform, RigidTransform, PinholeView, str]
 _NEAR_M: Final = 0.05
 _WITHOUT_TRUTH: Final = "for before or after it nothing is known of the artefacts"
 _EDGES: Final = tuple((a, b) for a in range(8) for b in range(a + 1, 8) if (a ^ b).bit_count() == 1)
@@ -82,7 +84,7 @@ def export_kitti(recording: Path, folder: Path, open_progress: OpenProgress, clo
     known = [topic for topic in reader.outputs(_CLOUD) if topic != PREFIX + "augmented_octomap"]
     without = f"{recording} has no augmented cloud (sensors.clouds)"
     topic = chosen_topic(known, cloud, "--kitti", "--cloud", without)
-    waiting: deque[tuple[PointCloud, RigidTransform, RigidTransform, PinholeView]] = deque()
+    waiting: deque[_Placed] = deque()
     left_out: Counter[str] = Counter()
 
     def take(message: Any) -> None:
@@ -114,10 +116,8 @@ def export_kitti(recording: Path, folder: Path, open_progress: OpenProgress, clo
     return f"kitti: {folder} ({'; '.join((', '.join(words), *reasons, *reader.left_out))})"
 
 
-def _placed(
-    reader: TruthReader, cloud: PointCloud
-) -> tuple[PointCloud, RigidTransform, RigidTransform, PinholeView]:
-    """Return a cloud with the poses of its sensor and of the camera, and what that sees.
+def _placed(reader: TruthReader, cloud: PointCloud) -> _Placed:
+    """Return a cloud with the poses of its sensor and of the camera, what that sees, its name.
 
     Raises InputError before the first CameraInfo, FrameError where a pose is not known.
     """
@@ -132,7 +132,7 @@ def _placed(
     map_from_camera = frames.lookup(map_frame, frame, cloud.stamp_ns)
     if not camera.frame_id:
         map_from_camera = map_from_camera @ camera.base_from_optical
-    return cloud, map_from_sensor, map_from_camera, camera.view
+    return cloud, map_from_sensor, map_from_camera, camera.view, camera.name
 
 
 def _add(
@@ -142,6 +142,7 @@ def _add(
     map_from_sensor: RigidTransform,
     map_from_camera: RigidTransform,
     view: PinholeView,
+    camera: str,
 ) -> None:
     level = level_frame(map_from_camera)
     camera_from_level = (map_from_camera.inverse() @ level).rotation_matrix()
@@ -152,9 +153,9 @@ def _add(
     nearest = interval.after if is_after else interval.before
     for number, (k, pose) in interval.poses_at(cloud.stamp_ns).items():
         seen = nearest.sightings.get(number)
-        if seen is None:
+        if seen is None or camera not in (seen.cameras or (camera,)):  # another one sees it
             continue
-        label = _label(interval, k, pose, seen, level)
+        label = _label(interval, k, pose, _occlusion(seen, camera), level)
         corners = projection @ np.column_stack((corners_m(label), np.ones(8))).T
         shown = _rectangle(corners, view.width, view.height)
         if shown is not None:
@@ -177,7 +178,7 @@ def level_frame(map_from_camera: RigidTransform) -> RigidTransform:
 
 
 def _label(
-    interval: Interval, k: int, pose: Floats, seen: Sighting, level: RigidTransform
+    interval: Interval, k: int, pose: Floats, occlusion: int, level: RigidTransform
 ) -> Label:
     scene, yaw = interval.after.scene, float(pose[3])
     ahead, aside, above = scene.box_centres_m[k].tolist()
@@ -187,14 +188,20 @@ def _label(
     level_from_map = level.inverse()
     heading = level_from_map.rotation_matrix() @ (cos, sin, 0.0)
     name = scene.classes[k]
-    fraction = seen.visible_fraction
     return Label(
         _TYPES.get(name, name.capitalize().replace(" ", "_")),
-        0 if fraction >= _FULLY else 1 if fraction >= _PARTLY else 2,
+        occlusion,
         level_from_map.apply((pose[:3] + bottom)[np.newaxis])[0],
         math.atan2(-heading[2], heading[0]),
         (length, width, height),
     )
+
+
+def _occlusion(seen: Sighting, camera: str) -> int:
+    """Return KITTI's level of occlusion; the fraction is of the camera that sees most."""
+    if seen.cameras[:1] not in ((), (camera,)):
+        return _UNKNOWN
+    return 0 if seen.visible_fraction >= _FULLY else 1 if seen.visible_fraction >= _PARTLY else 2
 
 
 def corners_m(label: Label) -> Floats:

@@ -256,6 +256,31 @@ def test_labels_clouds_and_calibration_of_kitti_fit_together(
     assert inside > 0.9 * changed
 
 
+@pytest.mark.parametrize(
+    ("cameras", "levels"),
+    [
+        (["camera_optical_frame"], {"0", "1", "2"}),
+        (["left_optical"], set()),
+        (["left_optical", "camera_optical_frame"], {"3"}),
+    ],
+)
+def test_labels_of_kitti_are_of_one_camera(
+    cloud_replay: Path, run_are: RunAre, tmp_path: Path, cameras: list[str], levels: set[str]
+) -> None:
+    """Who is seen by another one only has none; whose fraction is another's, unknown occlusion."""
+
+    def by(message: Any) -> None:
+        for one in message.artefacts:
+            one.cameras = cameras
+
+    run = Tape.of(cloud_replay).edited("perceived", by, 0.0, 99.0).write(tmp_path / "run")
+    assert run_are("export", run, "--kitti", tmp_path / "set").returncode == 0
+    files = (tmp_path / "set" / "training" / "label_2").iterdir()
+    found = {line.split()[2] for file in files for line in file.read_text().splitlines()}
+    assert found <= levels
+    assert bool(found) == bool(levels)
+
+
 class _None:
     artefacts: tuple[Any, ...] = ()
 
