@@ -45,6 +45,8 @@ _READINGS = 8
 _TICK_NS = NS_PER_S // 10
 _PAUSE_S = 0.05
 _STDOUT = 1
+_HELP: Final = f"import os; from {__name__} import help_out; help_out(); os._exit(0)"
+"""What the second process does. It leaves at once: to free all that it made takes a second."""
 _FEW_COLLECTIONS = 20_000, 20, 20
 """The compiler makes many objects that stay: looking for garbage was a tenth of its time."""
 _REHEARSED: Final[set[bytes]] = set()
@@ -184,7 +186,7 @@ class _Helper:
         path = os.pathsep.join(filter(None, sys.path))
         self._process = self._stack.enter_context(
             subprocess.Popen(  # noqa: S603 - this very program
-                [sys.executable, "-c", f"from {__name__} import help_out; help_out()"],
+                [sys.executable, "-c", _HELP],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,
@@ -238,8 +240,8 @@ class _Names(event.Listener):  # type: ignore[misc] # numba is not typed
 def help_out() -> None:
     """Compile decisions, perception, maps and sensors, as the second process.
 
-    Its input says for what. Decisions come first: the parent process needs them soonest. The
-    compiler's many objects are never freed: this process is short, and that takes seconds.
+    Its input says for what. Decisions come first: the parent process needs them soonest. No
+    garbage is looked for: this process is short, and that takes a second.
     """
     gc.disable()
     catalogue, needs = pickle.load(sys.stdin.buffer)  # noqa: S301 - our own parent wrote it
@@ -248,7 +250,6 @@ def help_out() -> None:
     with event.install_listener("numba:compile", _Names()):
         _Scene(catalogue, needs, lambda: None).decide()
         _Scene(Catalogue(tuple(rows)), needs, lambda: None).sense()
-    os._exit(0)
 
 
 class _Scene:
