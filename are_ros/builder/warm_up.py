@@ -240,10 +240,9 @@ class _Names(event.Listener):  # type: ignore[misc] # numba is not typed
 def help_out() -> None:
     """Compile decisions, perception, maps and sensors, as the second process.
 
-    Its input says for what. Decisions come first: the parent process needs them soonest. No
-    garbage is looked for: this process is short, and that takes a second.
+    Its input says for what. Decisions come first: the parent process needs them soonest.
     """
-    gc.disable()
+    gc.set_threshold(*_FEW_COLLECTIONS)
     catalogue, needs = pickle.load(sys.stdin.buffer)  # noqa: S301 - our own parent wrote it
     standing, still = {"standing": 1.0}, MotionLimits(speed_mps=0.0)
     rows = [replace(row, behaviours=standing, motion=still) for row in catalogue.rows]
