@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from are_ros.conventions import NS_PER_S
 
-LEAST_JUMP_NS: Final = NS_PER_S
+_LEAST_JUMP_NS: Final = NS_PER_S
 """Writers may put messages in another order by less."""
 
 _INDEX_AT: Final = 1 + 8 + 2
@@ -74,7 +74,7 @@ def jump_back(file: Path, reader: Any, topics: Collection[str]) -> JumpBack | No
 def _furthest(topic: str, times_ns: _Times) -> JumpBack | None:
     latest_ns = np.maximum.accumulate(times_ns)
     back_ns = latest_ns - times_ns
-    if not len(back_ns) or back_ns.max() <= LEAST_JUMP_NS:
+    if not len(back_ns) or back_ns.max() <= _LEAST_JUMP_NS:
         return None
     worst = int(back_ns.argmax())
     return JumpBack(topic, int(times_ns[worst]), int(latest_ns[worst]))

@@ -160,10 +160,10 @@ def replay_command(say: Say, **options: Any) -> bool:
             say(line)
     in_part = outcome.camera_problem, outcome.cloud_problem, outcome.scan_problem
     problems = outcome.refusals.counts, *in_part
-    return is_filmed and not any(problems) and not any(map(_is_bare, outcome.scans.values()))
+    return is_filmed and not any(problems) and not any(map(_is_mostly_bare, outcome.scans.values()))
 
 
-def _is_bare(scans: SensorPathCounts) -> bool:
+def _is_mostly_bare(scans: SensorPathCounts) -> bool:
     """Return whether most readings of a topic were not augmented."""
     return scans.passed_through > scans.exact + scans.held
 
@@ -225,7 +225,7 @@ def complaints(outcome: Outcome) -> list[str]:
         passed = counted(outcome.scans[topic].passed_through, noun_of(role))
         lines.append(f"{topic}: {passed} passed through unaugmented, the last for: {problem}")
         is_of_reading = problem.startswith(_OF_READING) and "CameraInfo" not in problem
-        if is_of_reading or not _is_bare(outcome.scans[topic]):
+        if is_of_reading or not _is_mostly_bare(outcome.scans[topic]):
             continue
         if topic in outcome.apart or any(name in problem for name in outcome.apart):
             lines[-1] += "; no --static-tf helps: its stamps and those of the transforms differ"
