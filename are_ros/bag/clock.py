@@ -158,15 +158,8 @@ class RecordedTimes:
             next_moving_ns=first_time(reader, moving, stop_ns),
             still_since_ns=_still_since(reader, moving, start_ns),
             odometry_child=odometry_child,
-            jump_back=_jump_within(reader, moving, start_ns, stop_ns),
+            jump_back=reader.jump_back(moving, start_ns, stop_ns),
         )
-
-
-def _jump_within(
-    reader: BagReader, topics: Collection[str], start_ns: int, stop_ns: int
-) -> JumpBack | None:
-    jump = reader.jump_back(topics)
-    return jump if jump and jump.from_ns < stop_ns and start_ns <= jump.until_ns else None
 
 
 def first_time(

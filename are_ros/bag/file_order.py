@@ -55,8 +55,10 @@ def messages_in_file_order(file: Path, topics: Mapping[int, str]) -> Iterator[Ra
                 yield channel.id, message.log_time, message.data
 
 
-def jump_back(file: Path, reader: Any, topics: Collection[str]) -> JumpBack | None:
-    """Return where the log times of topics go back furthest, None where by less than a second.
+def jump_back(
+    file: Path, reader: Any, topics: Collection[str], start_ns: int, stop_ns: int
+) -> JumpBack | None:
+    """Return the furthest jump back within [start_ns, stop_ns), None where by less than a second.
 
     `reader` is rosbags' of the file. Errors as `messages_in_file_order`.
     """
@@ -67,13 +69,15 @@ def jump_back(file: Path, reader: Any, topics: Collection[str]) -> JumpBack | No
         times = _times_of_mcap(file, names)
     else:
         times = _times_of_ros1(reader, names)
-    jumps = [jump for number, at_ns in times.items() if (jump := _furthest(names[number], at_ns))]
+    window = start_ns, stop_ns
+    found = (_furthest(names[number], at_ns, *window) for number, at_ns in times.items())
+    jumps = [jump for jump in found if jump is not None]
     return max(jumps, key=lambda jump: jump.until_ns - jump.from_ns, default=None)
 
 
-def _furthest(topic: str, times_ns: _Times) -> JumpBack | None:
+def _furthest(topic: str, times_ns: _Times, start_ns: int, stop_ns: int) -> JumpBack | None:
     latest_ns = np.maximum.accumulate(times_ns)
-    back_ns = latest_ns - times_ns
+    back_ns = (latest_ns - times_ns) * ((times_ns < stop_ns) & (start_ns <= latest_ns))
     if not len(back_ns) or back_ns.max() <= _LEAST_JUMP_NS:
         return None
     worst = int(back_ns.argmax())

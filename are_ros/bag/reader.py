@@ -312,10 +312,10 @@ class _Part:
                 plain = _decompressed(data) if self.is_compressed else data
                 yield BagMessage(wanted[number].topic, log_time_ns, plain, wanted[number])
 
-    def jump_back(self, topics: Collection[str]) -> JumpBack | None:
+    def jump_back(self, topics: Collection[str], start_ns: int, stop_ns: int) -> JumpBack | None:
         """Return where the log times of topics jump back in the file, None where nowhere."""
         with as_bag_errors(str(self.path)):
-            return jump_back(Path(self.reader.path), self.reader, topics)
+            return jump_back(Path(self.reader.path), self.reader, topics, start_ns, stop_ns)
 
 
 def _check_complete(path: Path) -> None:
@@ -471,9 +471,10 @@ class BagReader:
         for part in self._parts:
             yield from part.in_file_order(topics)
 
-    def jump_back(self, topics: Collection[str]) -> JumpBack | None:
-        """Return where the log times of topics jump back furthest in a file, None where nowhere."""
-        jumps = [jump for part in self._parts if (jump := part.jump_back(topics)) is not None]
+    def jump_back(self, topics: Collection[str], start_ns: int, stop_ns: int) -> JumpBack | None:
+        """Return the furthest jump back of log times in a file within [start_ns, stop_ns), if any."""
+        found = (part.jump_back(topics, start_ns, stop_ns) for part in self._parts)
+        jumps = [jump for jump in found if jump is not None]
         return max(jumps, key=lambda jump: jump.until_ns - jump.from_ns, default=None)
 
     def expect(self, types: Mapping[str, tuple[str, ...]]) -> None:

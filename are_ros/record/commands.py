@@ -28,7 +28,7 @@ def play_command(say: Say, remaps: Sequence[str], **options: Any) -> bool:
     with stop_on_signals(is_last=False) as stop, ProgressBar("play") as bar:
         outcome = play(wanted, say, bar.open, stop.should_stop)
     say(_played(outcome))
-    if stop.is_set:
+    if stop.is_set and not wanted.loop:  # which nothing else ends
         raise KeyboardInterrupt
     return not outcome.skipped
 

@@ -163,8 +163,11 @@ def test_a_clock_that_jumped_back_shows_in_the_order_of_the_file(
     times = [("/a", at) for at in (2, 4, 6, 3, 5, 7)] + [("/b", at) for at in (2, 3, 8)]
     records = strings(factory, *((topic, at * s, f"{k}") for k, (topic, at) in enumerate(times)))
     with BagReader([write_bag(tmp_path / f"bag{suffix}", records)]) as reader:
-        assert reader.jump_back(["/a", "/b"]) == ("/a", 3 * s, 6 * s)
-        assert reader.jump_back(["/b"]) is None
+        assert reader.jump_back(["/a", "/b"], 0, 9 * s) == ("/a", 3 * s, 6 * s)
+        assert reader.jump_back(["/b"], 0, 9 * s) is None
+        assert reader.jump_back(["/a"], 0, 3 * s) is None, "before it"
+        assert reader.jump_back(["/a"], 6 * s + 1, 9 * s) is None, "after it"
+        assert reader.jump_back(["/a"], 5 * s, 9 * s) == ("/a", 3 * s, 6 * s)
         written = [reader.deserialize(one).data for one in reader.in_file_order(["/a"])]
         if suffix != ".bag":
             assert written == ["0", "1", "2", "3", "4", "5"]
@@ -180,7 +183,7 @@ def test_a_jump_of_many_chunks_is_found(
     times += [times[-1] - back_ns + NS_PER_S // 10 * k for k in range(20)]
     records = strings(factory, *(("/a", at, text) for at in times))
     with BagReader([write_bag(tmp_path / "bag.mcap", records)]) as reader:
-        jump = reader.jump_back(["/a"])
+        jump = reader.jump_back(["/a"], reader.start_ns, reader.end_ns)
         assert jump == (("/a", times[79], times[78]) if back_s > 1.0 else None)
 
 
