@@ -472,7 +472,7 @@ class BagReader:
             yield from part.in_file_order(topics)
 
     def jump_back(self, topics: Collection[str], start_ns: int, stop_ns: int) -> JumpBack | None:
-        """Return the furthest jump back of log times in a file within [start_ns, stop_ns), if any."""
+        """Return the furthest jump back of log times in a file, within [start_ns, stop_ns)."""
         found = (part.jump_back(topics, start_ns, stop_ns) for part in self._parts)
         jumps = [jump for jump in found if jump is not None]
         return max(jumps, key=lambda jump: jump.until_ns - jump.from_ns, default=None)
