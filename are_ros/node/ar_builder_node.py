@@ -14,7 +14,7 @@ from rclpy.logging import get_logger
 from are_ros.builder.assembly import catalogue_of
 from are_ros.builder.warm_up import WarmUpNeeds, warm_up
 from are_ros.conventions import NS_PER_S
-from are_ros.errors import AreError, NodeError
+from are_ros.errors import AreError, CatalogueError, NodeError, ParameterError
 from are_ros.messages.sensors import MINIATURES
 from are_ros.messages.tick_encoding import offered_outputs
 from are_ros.node.diagnostics import Reporter
@@ -182,7 +182,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
 
     def _configure(self, parameters: Parameters) -> None:
         catalogue = self._catalogue = catalogue_of(parameters)
-        mixture_of(parameters, catalogue)
+        _check_for(catalogue, parameters)
         self.get_logger().info("preparing the kernels (a minute or two the first time)")
         needs = WarmUpNeeds(MINIATURES)
         if not warm_up(catalogue, needs, self.is_wanted, count=self._tell_kernels):
@@ -337,7 +337,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
     def _check(self, candidate: Parameters) -> None:
         """Refuse parameters that the catalogue in use cannot take."""
         if self._catalogue is not None:
-            mixture_of(candidate, self._catalogue)
+            _check_for(self._catalogue, candidate)
 
     def _reconfigure(self, values: Parameters) -> None:
         if self.live is not None:
@@ -356,3 +356,13 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         if sentence not in self._said and len(self._said) < _MOST_SENTENCES:
             self._said.add(sentence)
             self.get_logger().warning(sentence)
+
+
+def _check_for(catalogue: Catalogue, parameters: Parameters) -> None:
+    """Raise ParameterError for parameters that a catalogue cannot take."""
+    mixture_of(parameters, catalogue)
+    if label := parameters.clicks.label:
+        try:
+            catalogue.rows_named(label)
+        except CatalogueError as cause:
+            raise ParameterError(f"parameter 'clicks.label': {cause}") from cause

@@ -136,6 +136,15 @@ def test_a_mixture_that_the_catalogue_cannot_take_is_refused(bench: Bench) -> No
     step(bench, 1000.2)
 
 
+def test_a_label_for_clicks_that_the_catalogue_lacks_is_refused(bench: Bench) -> None:
+    """When it is set, not when somebody clicks; a class, a label or nothing is taken."""
+    said = bench.set(clicks__label="pots")
+    assert said.startswith("parameter 'clicks.label': the catalogue has no row and no class named")
+    assert "did you mean 'post'" in said
+    assert bench.node.bridge.values.clicks.label == ""
+    assert bench.set(clicks__label="post") == bench.set(clicks__label="") == ""
+
+
 @pytest.mark.parametrize(
     ("name", "value", "reason"),
     [
