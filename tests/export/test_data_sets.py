@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -279,6 +280,19 @@ def test_labels_of_kitti_are_of_one_camera(
     found = {line.split()[2] for file in files for line in file.read_text().splitlines()}
     assert found <= levels
     assert bool(found) == bool(levels)
+
+
+def test_no_empty_set_of_kitti_is_written(
+    cloud_replay: Path, run_are: RunAre, tmp_path: Path
+) -> None:
+    """A topic of clouds on which none came is none, as in a live recording without the sensor."""
+    tape = Tape.of(cloud_replay)
+    kept = tuple(entry for entry in tape.entries if entry[1] != AUGMENTED)
+    run = replace(tape, entries=kept).write(tmp_path / "run")
+    done = run_are("export", run, "--kitti", tmp_path / "set")
+    assert done.returncode == 1
+    assert "has no augmented cloud (sensors.clouds)" in done.stderr
+    assert not (tmp_path / "set").exists()
 
 
 class _None:

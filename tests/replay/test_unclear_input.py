@@ -3,6 +3,7 @@
 import copy
 import json
 from collections.abc import Callable, Sequence
+from itertools import count
 from pathlib import Path
 from subprocess import CompletedProcess
 from typing import Any, Protocol
@@ -364,6 +365,28 @@ def test_results_without_the_animation_end_with_status_3(
     (at,) = (i for i, line in enumerate(lines) if line.startswith("results in"))
     assert "a.gif" in lines[at + 2]  # after the view
     assert (tmp_path / "out" / "metrics.json").is_file()
+
+
+@pytest.mark.parametrize(("bare_of_5", "status"), [(2, 0), (3, 3)])
+def test_most_scans_of_a_topic_must_be_augmented(
+    run_are: RunAre,
+    write_bag: WriteBag,
+    sample_records: Records,
+    tmp_path: Path,
+    bare_of_5: int,
+    status: int,
+) -> None:
+    """Status 3 where more passed through than were augmented; the sentence comes either way."""
+    counter = count()
+
+    def lose_its_frame(scan: Any) -> None:
+        if next(counter) % 5 < bare_of_5:
+            scan.header.frame_id = "nowhere"
+
+    bag = write_bag(tmp_path / "a.mcap", _with(sample_records, ["/scan"], lose_its_frame))
+    done = run_are("replay", bag, "--duration", 2, "--out", tmp_path / "out")
+    assert "scans passed through unaugmented" in done.stderr
+    assert done.returncode == status, done.stderr
 
 
 def _write_octomap(path: Path, voxels: npt.NDArray[np.int64], size_m: float) -> None:
