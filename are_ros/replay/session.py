@@ -29,6 +29,7 @@ from are_ros.parameters.choices import CameraModel, OnRobotContact
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.validation import with_contact_policy
+from are_ros.population.catalogue import Catalogue
 from are_ros.replay.listeners import SHARE, InputCopy, RecordKeeper, StandingWatch, TickWriter
 from are_ros.replay.output_folder import AUGMENTED, prepare_folder, prepare_scenario
 from are_ros.replay.progress import KernelBar, OpenProgress, Say, Stopwatch, said_if_slow
@@ -111,26 +112,11 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             scenario = builder.lives.record_scenario() if options.save_scenario else None
             replay = Replay(reader, builder, options, timeline, stopwatch)
             grid, cloud = _read_files(options)
-            if options.out is not None:
-                prepare_folder(options.out)
-            if options.save_scenario is not None:
-                prepare_scenario(options.save_scenario)
+            _prepare_places(options)
             for sentence in timeline.sentences():
                 say(sentence)
-            if CAMERA in replay.role_of_topic.values():
-                builder.await_camera()
-            elif options.parameters.camera.model is CameraModel.AUTO:
-                is_unclear = roles.to_choose((CAMERA,))
-                none_where = "is chosen" if is_unclear else "in the recording"
-                say(f"no camera {none_where}: {builder.use_default_camera()}")
-            played = set(replay.role_of_topic.values())
-            needs = WarmUpNeeds(
-                tuple(kind.miniature for role, kind in SENSORS.items() if role in played),
-                options.demand,
-                has_voxels=options.octomap_file is not None or roles.topic(OCTOMAP) is not None,
-            )
-            with said_if_slow(say, _PREPARING), KernelBar() as bar:
-                warm_up(catalogue, needs, bar.is_wanted, bar.count)
+            _choose_camera(options, builder, replay, roles, say)
+            _prepare_kernels(options, catalogue, replay, roles, say)
             _feed_files(options, grid, cloud, builder, replay.start_ns)
         perceives = options.demand.perception
         recorder = SceneRecorder(options.parameters, catalogue, is_perceiving=perceives)
@@ -142,10 +128,8 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
                 replay.run([keeper, standing, *writers], progress)
             grid = _known_map(reader, builder, replay, roles)
     if scenario is not None and options.save_scenario is not None:
-        written_files = write_scenario(
-            scenario.scenario(options.save_scenario.stem), options.save_scenario
-        )
-        say(f"scenario     {', '.join(map(str, written_files))}")
+        files = write_scenario(scenario.scenario(options.save_scenario.stem), options.save_scenario)
+        say(f"scenario     {', '.join(map(str, files))}")
     for notice in [*builder.notices, *builder.frames.drain_notices()]:
         say(notice)
     doubts = [
@@ -155,7 +139,6 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
         *_upward_cameras(builder, timeline.image_frames),
         *standing.sentences(),
     ]
-    problem = _camera_problem(options, builder, replay, keeper)
     return Outcome(
         options,
         replay.role_of_topic,
@@ -164,7 +147,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
         _octomap(builder),
         builder.sensors.counts(),
         builder.sensors.problems(),
-        problem,
+        _camera_problem(options, builder, replay, keeper),
         _cloud_problem(builder),
         _scan_problem(replay, roles),
         doubts,
@@ -198,6 +181,39 @@ def _read_files(options: ReplayOptions) -> tuple[OccupancyGrid | None, Cloud | N
     if options.octomap_file is not None:
         cloud = read_voxel_file(options.octomap_file, world.voxel_size or None)
     return grid, cloud
+
+
+def _prepare_places(options: ReplayOptions) -> None:
+    """See that the results can be written, before anything takes long."""
+    if options.out is not None:
+        prepare_folder(options.out)
+    if options.save_scenario is not None:
+        prepare_scenario(options.save_scenario)
+
+
+def _choose_camera(
+    options: ReplayOptions, builder: ArBuilder, replay: Replay, roles: RolesFound, say: Say
+) -> None:
+    """Await the camera of the recording, or take the default one and say so."""
+    if CAMERA in replay.role_of_topic.values():
+        builder.await_camera()
+    elif options.parameters.camera.model is CameraModel.AUTO:
+        none_where = "is chosen" if roles.to_choose((CAMERA,)) else "in the recording"
+        say(f"no camera {none_where}: {builder.use_default_camera()}")
+
+
+def _prepare_kernels(
+    options: ReplayOptions, catalogue: Catalogue, replay: Replay, roles: RolesFound, say: Say
+) -> None:
+    """Compile or load the kernels that this recording needs."""
+    played = set(replay.role_of_topic.values())
+    needs = WarmUpNeeds(
+        tuple(kind.miniature for role, kind in SENSORS.items() if role in played),
+        options.demand,
+        has_voxels=options.octomap_file is not None or roles.topic(OCTOMAP) is not None,
+    )
+    with said_if_slow(say, _PREPARING), KernelBar() as bar:
+        warm_up(catalogue, needs, bar.is_wanted, bar.count)
 
 
 def _feed_files(
