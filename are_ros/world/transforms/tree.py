@@ -126,8 +126,9 @@ class FrameTree:
         if above is not None and below is not None:
             edge = table.edges.get(below)
             if edge is not None and edge.parent == above:
-                if edge.source == source and not edge.is_static and stamp_ns > edge.newest_ns:
-                    table.append(edge, above, stamp_ns, pose)
+                if edge.source == source and not edge.is_static and stamp_ns >= edge.newest_ns:
+                    if stamp_ns > edge.newest_ns:  # else the first sample stays
+                        table.append(edge, above, stamp_ns, pose)
                     return
                 if edge.source > source and (below, source) in self._said_overruled:
                     return
