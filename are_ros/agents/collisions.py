@@ -6,7 +6,7 @@ is a `ContactPolicy`; `ContactLog` reports the contacts that begin.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
@@ -156,6 +156,7 @@ def _keep_or_move_back(
     allowed: _Mask,
     current: _FloatArray,
     present: _Mask,
+    is_fixed: _Mask,
     adjacency: tuple[_IndexArray, _IndexArray],
     displaced: _IndexArray,
     outcomes: NDArray[np.int8],
@@ -170,7 +171,7 @@ def _keep_or_move_back(
     """
     starts, indices = adjacency
     for i in range(start, proposed.shape[0]):
-        if not present[i]:
+        if is_fixed[i] or not present[i]:
             continue
         near = indices[starts[i] : starts[i + 1]]
         resolved = False
@@ -308,16 +309,6 @@ class Resolution:
         """Whether every artefact has its proposed pose."""
         return not self.outcomes.any()
 
-    def with_tracks(self, rows: NDArray[np.intp]) -> "Resolution":
-        """Return the same, but artefacts that follow a track keep the proposed pose.
-
-        `rows` (M,) are their indices. One that leaves for a contact with the robot leaves.
-        """
-        outcomes, shifts_m = self.outcomes.copy(), self.shifts_m.copy()
-        kept = rows[outcomes[rows] != Outcome.LEAVES_ON_CONTACT]
-        outcomes[kept], shifts_m[kept] = Outcome.KEPT, 0.0
-        return replace(self, outcomes=outcomes, shifts_m=shifts_m)
-
 
 class CollisionResolver:
     """Decides which pose each artefact has at the end of a sub-step.
@@ -325,12 +316,13 @@ class CollisionResolver:
     If the proposed poses are safe all together, all artefacts have them. Else the resolver goes
     through the artefacts in the order of their ids. Each has its proposed pose if that is safe;
     else its last safe pose if that still is; else the nearest safe place within the search radius;
-    else it leaves.
+    else it leaves. Fixed artefacts, which follow tracks, have their proposed poses whatever is
+    there, and the others make way.
 
     A pose is safe if its box hits no wall, overlaps no other artefact, and overlaps a robot no
-    deeper than the policy tolerates. The other artefacts are at their new poses (lower ids) or at
-    their last safe ones (higher ids). These do not overlap, and no decision lets them overlap. An
-    overlap among the last safe poses is resolved like any other.
+    deeper than the policy tolerates. The other artefacts are at their new poses (lower ids, fixed
+    ones) or at their last safe ones (higher ids). These do not overlap, and no decision lets them
+    overlap. An overlap among the last safe poses is resolved like any other.
     """
 
     def __init__(
@@ -347,8 +339,9 @@ class CollisionResolver:
         environment: Environment,
         robots: Sequence[Footprint],
         ahead: Callable[[], Sequence[Footprint]] = tuple,
+        fixed: Sequence[int] = (),
     ) -> Resolution:
-        """Return the poses of artefacts `ids` (N,), strictly ascending.
+        """Return the poses of artefacts `ids` (N,), strictly ascending; `fixed` are indices.
 
         `proposed` and `last_safe` are the boxes (N) at the two poses, on the ground, in the map
         frame; `last_safe` is where each was at the end of the last sub-step, or where it was
@@ -368,7 +361,7 @@ class CollisionResolver:
             count = len(ids)
             return Resolution(np.zeros(count, np.int8), np.zeros((count, 2)), proposed, contacts)
         allowed_back = _are_allowed(last_safe, environment, robots, limits_m)
-        remedies = _Remedies(proposed, last_safe, present)
+        remedies = _Remedies(proposed, last_safe, present, fixed)
         remedies.apply(
             np.column_stack((allowed, allowed_back)),
             lambda box, others: self._search.nearest(box, others, robots, environment, ahead()),
@@ -376,16 +369,18 @@ class CollisionResolver:
         )
         return Resolution(remedies.outcomes, remedies.shifts_m, remedies.boxes(), contacts)
 
-    def held_back(self, proposed: OrientedBoxes, last_safe: OrientedBoxes) -> NDArray[np.bool_]:
+    def held_back(
+        self, proposed: OrientedBoxes, last_safe: OrientedBoxes, fixed: Sequence[int] = ()
+    ) -> NDArray[np.bool_]:
         """Return which artefacts (N,) have to stay where they are, in the way of nobody there.
 
         `proposed` are the boxes (N) at the next sub-step, `last_safe` the present ones. Of two that
-        would overlap, the one with the higher id stays; walls and robots do not count. An overlap
-        that staying would not prevent is left to `resolve`.
+        would overlap, the one with the higher id stays, but none of the `fixed` (indices); walls
+        and robots do not count. An overlap that staying would not prevent is left to `resolve`.
         """
         held = np.zeros(len(proposed), np.bool_)
         if any_overlap(proposed):
-            remedies = _Remedies(proposed, last_safe, ~held)
+            remedies = _Remedies(proposed, last_safe, ~held, fixed)
             remedies.apply(np.ones((len(proposed), 2), np.bool_), lambda _, __: None, 0.0)
             held = remedies.outcomes == Outcome.MOVED_BACK
         return held
@@ -406,17 +401,26 @@ _Search = Callable[[OrientedBoxes, OrientedBoxes], tuple[NDArray[np.float64], Or
 
 
 class _Remedies:
-    """The remedies for N artefacts; `present` (N,) tells which have not left for a contact."""
+    """The remedies for N artefacts; `present` (N,) tells which have not left for a contact.
+
+    `fixed` are the indices of those that are at their proposed poses from the start.
+    """
 
     def __init__(
-        self, proposed: OrientedBoxes, last_safe: OrientedBoxes, present: NDArray[np.bool_]
+        self,
+        proposed: OrientedBoxes,
+        last_safe: OrientedBoxes,
+        present: NDArray[np.bool_],
+        fixed: Sequence[int],
     ) -> None:
         self.outcomes = np.where(present, Outcome.KEPT, Outcome.LEAVES_ON_CONTACT).astype(np.int8)
         self.shifts_m = np.zeros((len(proposed), 2))
         self._proposed = proposed
         self._safe = last_safe
         self._present = present
-        self._current = last_safe.packed.copy()
+        self._is_fixed = np.zeros(len(proposed), np.bool_)
+        self._is_fixed[list(fixed)] = True
+        self._current = np.where(self._is_fixed[:, None], proposed.packed, last_safe.packed)
 
     def apply(self, allowed: NDArray[np.bool_], search: _Search, radius_m: float) -> None:
         """Keep, move back or displace all artefacts in the order of their ids.
@@ -434,6 +438,7 @@ class _Remedies:
                 allowed,
                 self._current,
                 self._present,
+                self._is_fixed,
                 adjacency,
                 displaced,
                 self.outcomes,

@@ -217,9 +217,8 @@ class CrowdSimulator:
             environment,
             robots,
             lambda: [robot.swept] if robot else [],
+            [row for row, _ in tracks],
         )
-        if tracks:
-            resolution = resolution.with_tracks(np.array([row for row, _ in tracks]))
         living = {one.id: one for one in table.artefacts} if resolution.contacts else {}
         self.events += self.contacts.begun(now_ns, resolution.contacts, living)
         self.events += jumps
@@ -292,9 +291,8 @@ class CrowdSimulator:
         It may have arrived, or been moved, in the way of a committed trajectory. Tracks go on.
         """
         table = self.table
-        held = self.resolver.held_back(boxes, table.boxes)
-        held[[row for row, _ in table.tracks]] = False
-        rows = np.flatnonzero(held)
+        fixed = [row for row, _ in table.tracks]
+        rows = np.flatnonzero(self.resolver.held_back(boxes, table.boxes, fixed))
         if not len(rows):
             return ends, boxes
         self.counts.moved_back += len(rows)

@@ -184,6 +184,42 @@ def test_ids_must_ascend_and_lengths_agree() -> None:
         resolver.resolve(np.array([1]), pair, pair, _OPEN, ())
 
 
+@pytest.mark.parametrize("tracked", [0, 1])
+def test_others_make_way_for_who_follows_a_track(tracked: int) -> None:
+    """Whichever has the lower id: a track goes on, and who stands in its way is displaced."""
+    here, there = (1.0, 1.0), (1.45, 1.0)
+    places = [(here, here), (there, there)]
+    places[tracked] = ((1.6, 1.0), (0.8, 1.0)) if tracked == 0 else ((0.9, 1.0), (1.6, 1.0))
+    proposed, last_safe = (_boxes(*points) for points in zip(*places, strict=True))
+    resolver, ids = CollisionResolver(Displace(), 2.0), np.arange(2)
+    resolution = resolver.resolve(ids, proposed, last_safe, _OPEN, (), fixed=[tracked])
+    expected = [Outcome.DISPLACED_TO_SAFE] * 2
+    expected[tracked] = Outcome.KEPT
+    assert _outcomes(resolution) == expected
+    assert resolution.boxes.centres_m[tracked].tolist() == proposed.centres_m[tracked].tolist()
+    assert not len(overlapping_pairs(resolution.boxes))
+
+
+@pytest.mark.parametrize("tracked", [0, 1])
+def test_who_would_run_into_a_track_is_held_back(tracked: int) -> None:
+    """Of two that would meet the one without a track stays, whatever its id."""
+    last_safe, proposed = _boxes((1.0, 1.0), (1.9, 1.0)), _boxes((1.3, 1.0), (1.6, 1.0))
+    resolver = CollisionResolver(Displace(), 2.0)
+    assert resolver.held_back(proposed, last_safe).tolist() == [False, True]
+    held = resolver.held_back(proposed, last_safe, [tracked])
+    assert held.tolist() == [tracked == 1, tracked == 0]
+
+
+def test_a_track_goes_on_through_walls_and_other_tracks() -> None:
+    """Nothing stops it; where two meet, both go on."""
+    wall = _environment((0, 20, 100, 21))
+    last_safe, proposed = _boxes((1.5, 1.0), (2.5, 1.0)), _boxes((1.9, 1.0), (2.1, 1.0))
+    resolver, ids = CollisionResolver(Displace(), 2.0), np.arange(2)
+    resolution = resolver.resolve(ids, proposed, last_safe, wall, (), fixed=[0, 1])
+    assert resolution.is_all_kept
+    assert resolution.boxes.centres_m[:, 0].tolist() == [1.9, 2.1]
+
+
 def test_nobody_at_all_is_resolved() -> None:
     """An empty population has no collisions."""
     nobody = OrientedBoxes.empty()
@@ -232,3 +268,22 @@ def test_no_two_ever_overlap(seed: int, step_m: float) -> None:
         stays = _check_invariant(resolution, environment, robot)
         boxes, ids = resolution.boxes.take(stays), ids[stays]
     assert len(ids) > count // 4
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 100_000), st.sampled_from([0.05, 0.3, 1.5]))
+def test_only_tracks_ever_overlap(seed: int, step_m: float) -> None:
+    """A crowd in which some follow tracks, of any id: the others keep apart from all."""
+    generator = np.random.default_rng(seed)
+    count = 25
+    boxes = _boxes(*generator.uniform(2.0, 8.0, (count, 2)).tolist())
+    resolver, ids = CollisionResolver(Displace(), 2.0), np.arange(count)
+    is_tracked = generator.random(count) < 0.3
+    for _ in range(6):
+        proposed, fixed = _stepped(boxes, generator, step_m), np.flatnonzero(is_tracked).tolist()
+        resolution = resolver.resolve(ids, proposed, boxes, _OPEN, (), fixed=fixed)
+        assert (resolution.outcomes[fixed] == Outcome.KEPT).all()
+        stays = resolution.outcomes < Outcome.LEAVES
+        boxes, ids, is_tracked = resolution.boxes.take(stays), ids[stays], is_tracked[stays]
+        assert all(is_tracked[list(pair)].all() for pair in overlapping_pairs(boxes))
+    assert not is_tracked.all()

@@ -978,6 +978,8 @@ def test_a_range_is_judged_like_a_beam(right: Draft, tmp_path: Path) -> None:
         (near_m - 0.1, math.inf, "ends of changed beams"),
         (near_m + 0.5, math.inf, "ends of changed beams"),
         (near_m, near_m - 0.1, "scans"),
+        (near_m, 0.0, ""),
+        (near_m, 0.05, "scans"),
     ):
         draft = _with_sonar(copy.deepcopy(right), range_m, real_m)
         results = results_of(draft, tmp_path)

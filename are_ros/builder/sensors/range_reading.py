@@ -20,9 +20,10 @@ _STEP_RAD: Final = 0.01
 class RangeReading:
     """The distance to the nearest surface within a cone around the x-axis of the sensor's frame.
 
-    `field_of_view_rad` is the cone's full angle. `range_m` is float32 [m]: -inf too close, +inf or
-    NaN or beyond max_range no return (REP 117). A sensor with min_range = max_range detects only:
-    -inf within that distance, else +inf. `radiation_type` and `variance_m2` are passed on.
+    `field_of_view_rad` is the cone's full angle. `range_m` is float32 [m]: -inf (REP 117), or above
+    0 and below min_range, too close; +inf, NaN, beyond max_range, 0 or less no return. A sensor
+    with min_range = max_range detects only: -inf within that distance, else +inf. `radiation_type`
+    and `variance_m2` are passed on.
     """
 
     frame_id: str
@@ -62,11 +63,11 @@ class RangeReading:
         The reading is `checked`. The rules are those of a laser beam: a return within [min_range,
         max_range] proves that the cone is free up to it, so a nearer artefact replaces it, whatever
         walls the environment has. Without a return, an artefact counts only if the environment does
-        not hide it. Nearer than min_range it becomes -inf; -inf stays.
+        not hide it. Nearer than min_range it becomes -inf. What was too close stays.
         """
-        is_return = self.min_range_m <= self.range_m <= self.max_range_m
-        if self.range_m == -math.inf:
+        if self.range_m == -math.inf or 0.0 < self.range_m < self.min_range_m:
             return self
+        is_return = self.min_range_m <= self.range_m <= self.max_range_m
         rays = _rays_in_cone(self.field_of_view_rad)
         hits = obstacles.first_hits(map_from_sensor, rays, self.max_range_m).astype(np.float32)
         seen = np.flatnonzero(hits < (self.range_m if is_return else np.inf))

@@ -152,7 +152,10 @@ class RangeSample(Sample):
         limits_m = self.numbers["min_range"], self.numbers["max_range"]
         which = _differing(self.ranges, output.ranges)
         fault = _differing_number(self.numbers, output.numbers)
-        if fault := fault or _range_fault(self.ranges, output.ranges, which, limits_m):
+        fault = fault or _range_fault(self.ranges, output.ranges, which, limits_m)
+        if not fault and len(which) and 0.0 < self.ranges[0] < np.float32(limits_m[0]):
+            fault = f"has {output.ranges[0]} m, where its input has {self.ranges[0]} m, too close"
+        if fault:
             return Changes(fault)
         ends_m, too_close = _ends(output.ranges[which], limits_m)
         points_m = ends_m[:, None, None] * _cone(self.numbers["field_of_view"])
