@@ -66,6 +66,7 @@ from are_ros.draw.sheet import (
     mark_sign,
     patch_sign,
 )
+from are_ros.population.scenario import FIRST_ADMITTED_ID
 from are_ros.wording import counted
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.voxel_map import VoxelMap
@@ -182,6 +183,8 @@ def _title(record: SceneRecord) -> str:
 def subtitle_of(record: SceneRecord, without_id: int, ids_as_in: str) -> list[str]:
     """Return what is said below the title; so many artefacts have no id, for want of room."""
     ids = f"numbers are ids, as in {ids_as_in}"
+    if any(life.artefact_id >= FIRST_ADMITTED_ID for life in record.lives):
+        ids += f", s0 for {FIRST_ADMITTED_ID}"
     if without_id:
         ids += f"; {counted(without_id, 'number')} left out for want of room"
     steps = np.diff(record.robot.poses[:, :2], axis=0)

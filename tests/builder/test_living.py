@@ -352,7 +352,7 @@ def test_who_comes_after_reseeding_chooses_by_the_new_seed_alone() -> None:
         ("walking 0", "dancing", "behaviour 'dancing' is not known; known are"),
         ("walking 0", "os:system", "behaviour 'os:system' is not known"),
         ("standing 3", "walking", "motion.speed_mps is 0"),
-        ("walking 0", "along_way", "needs waypoints"),
+        ("walking 0", "along_way", "needs a way"),
     ],
 )
 def test_a_behaviour_that_cannot_be_is_refused(label: str, behaviour: str, sentence: str) -> None:

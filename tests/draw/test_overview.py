@@ -313,3 +313,5 @@ def test_the_subtitle_says_how_many_have_no_room() -> None:
     assert subtitle_of(record, 3, "/tags")[-1] == (
         "numbers are ids, as in /tags; 3 numbers left out for want of room"
     )
+    scripted = subtitle_of(run([walker(1_000_000_001, (2, 2), (8, 6))]), 0, "metrics.json")
+    assert scripted[-1] == "numbers are ids, as in metrics.json, s0 for 1000000000"

@@ -65,7 +65,7 @@ def why_not(name: str, speed_mps: float = 1.0) -> str | None:
     The text continues a sentence that begins with the name: "is not known; ...".
     """
     if name == AlongWay.name:
-        return "needs waypoints, which only a scenario gives"
+        return "needs a way, which only a scenario gives (way: [[x, y], ...])"
     if name not in _PLAIN:
         try:
             _class_named(name)

@@ -174,7 +174,7 @@ def test_a_glb_stands_as_its_format_says(tmp_path: Path) -> None:
         ({"motion": [1]}, "motion is a list, but a mapping is needed"),
         ({"rewards": {"gaol": 1}}, "rewards.gaol is not known; did you mean 'goal'?"),
         ({"behaviours": {"walking": 1}}, "behaviours.walking needs an artefact that moves, but"),
-        ({"behaviours": {"along_way": 1}}, "behaviours.along_way needs waypoints, which only a"),
+        ({"behaviours": {"along_way": 1}}, "behaviours.along_way needs a way, which only a"),
         ({"behaviours": {"nowhere:Man": 1}}, "behaviours.nowhere:Man cannot be imported"),
         ({"behaviours": {"os:sep": 1}}, "behaviours.os:sep is no class"),
         ({"motion": {"running_factor": 0.5}}, "motion.running_factor is 0.5, but must be >= 1"),

@@ -190,7 +190,7 @@ AT = "at: [1, 2, 3]"
         (f"row: 1, {AT}, stays: [1]", "stays is [1], but seconds are needed"),
         (f"row: 14, {AT}, behaviour: flying", "behaviour is 'flying', which is not known"),
         (f"row: 1, {AT}, behaviour: walking", "behaviour is 'walking', which needs an artefact"),
-        (f"row: 14, {AT}, behaviour: along_way", "which needs waypoints"),
+        (f"row: 14, {AT}, behaviour: along_way", "which needs a way"),
         (f"row: 14, {AT}, way: []", "way is [], but a list of points [x, y] is needed"),
         (f"row: 14, {AT}, way: [1, 2]", "way[0] is 1, but 2 numbers are needed: x, y"),
         (f"row: 1, {AT}, way: [[1, 2]]", "way is given, but pallet_industrial cannot move"),

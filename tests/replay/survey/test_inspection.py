@@ -437,6 +437,31 @@ def test_scans_that_stay_as_they_are_are_told(
     assert not any("left as they are" in line for line in both)
 
 
+@pytest.mark.parametrize("names", [["/range"], ["/sonar", "/range"]])
+def test_range_sensors_are_augmented_by_name_only(
+    complete: Path, tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag, names: list[str]
+) -> None:
+    """As in a replay: no topic plays the role by itself, and none is missing a choice."""
+    with BagReader([complete]) as reader:
+        records = [(m.topic, m.log_time_ns, reader.deserialize(m)) for m in reader.messages()]
+    header = make_header(factory, "laser", 2 * S)
+    values = {"field_of_view": 0.5, "min_range": 0.1, "max_range": 4.0, "range": 2.0}
+    reading = factory.make("sensor_msgs/msg/Range", header=header, **values)
+    path = write_bag(
+        tmp_path / "more.mcap", [*records, *((name, 2 * S, reading) for name in names)]
+    )
+    found = inspected(path, map_frame="earth")
+    assert found.missing == ()
+    found_lines = inspection_lines(found)
+    assert ["range", "-"] in [line.split() for line in found_lines]
+    (said,) = [line for line in found_lines if "left as they are" in line]
+    assert said.endswith("; --topic range:=/NAME augments one")
+    assert all(name in said for name in names)
+    assert not any(line.startswith("range:") for line in found_lines)
+    chosen = inspected(path, overrides={"range": "/range"}, sensors={"range": ("/range",)})
+    assert ["range", "/range"] in [line.split() for line in inspection_lines(chosen)]
+
+
 def test_messages_without_a_frame_are_told(
     complete: Path, tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
 ) -> None:
