@@ -63,7 +63,7 @@ def new_behaviour(kind: type[Any], call: BehaviourCall) -> Any:
         return kind()
     try:
         return kind()
-    except Exception as cause:  # whatever the user's code raises
+    except (Exception, SystemExit) as cause:  # whatever the user's code raises
         raise _raised(kind, call, cause, "__init__") from cause
 
 
@@ -112,7 +112,7 @@ def answer_of(user_object: object, method: str, argument: object, call: Behaviou
     kind = type(user_object)
     try:
         return getattr(user_object, method)(argument)
-    except Exception as cause:  # whatever the user's code raises
+    except (Exception, SystemExit) as cause:  # whatever the user's code raises
         raise _raised(kind, call, cause, method) from cause
 
 
@@ -182,7 +182,7 @@ def is_number(number: object) -> bool:
     return isinstance(number, _NUMBERS) and math.isfinite(number)
 
 
-def _raised(kind: type, call: BehaviourCall, cause: Exception, method: str) -> BehaviourError:
+def _raised(kind: type, call: BehaviourCall, cause: BaseException, method: str) -> BehaviourError:
     """Return the error for an exception of user code."""
     lines = str(cause).splitlines()
     what = f"{type(cause).__name__}: {lines[0]}" if lines else type(cause).__name__
@@ -207,7 +207,7 @@ def name_of(kind: type) -> str:
     return f"{kind.__module__}:{kind.__qualname__}"
 
 
-def _place_in(kind: type, cause: Exception) -> str:
+def _place_in(kind: type, cause: BaseException) -> str:
     """Return the last line of a traceback in the file of a class, else in a file outside are_ros.
 
     The result is empty if all lines are in are_ros, for example if a method has wrong parameters.

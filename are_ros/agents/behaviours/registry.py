@@ -94,7 +94,7 @@ def user_class(name: str, known: Sequence[str], method: str, argument: str) -> t
         raise CatalogueError(f"{name} is not known; known are {', '.join(known)}, and module:Class")
     try:
         found = getattr(import_module(module_name), class_name)
-    except Exception as cause:  # whatever user code raises
+    except (Exception, SystemExit) as cause:  # whatever user code raises
         reason = f"{type(cause).__name__}: {cause}".splitlines()[0]
         raise CatalogueError(f"{name} cannot be imported ({reason})") from cause
     _check_class(name, found, method, argument)

@@ -23,6 +23,7 @@ from are_ros.yaml_text import Fields, read_yaml
 SHIPPED_CATALOGUE: Final = Path(__file__).parent / "catalogue.yaml"
 
 _LARGEST_M = 100.0
+_LARGEST_WEIGHT = 1e6
 _HEXADECIMAL = frozenset("0123456789abcdefABCDEF")
 _METRES: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 _AXES = ("x", "y", "z", "-x", "-y", "-z")
@@ -170,9 +171,16 @@ def _shared_fields(given: Fields) -> dict[str, Any]:
         known = asdict(kind())
         section = given.section(key, tuple(known))
         shared[key] = kind(**{name: section.number(name, value) for name, value in known.items()})
-    if shared["motion"].running_factor < 1.0:
-        factor = shared["motion"].running_factor
-        given.refuse("motion.running_factor", f"is {factor:g}, but must be >= 1")
+    motion = shared["motion"]
+    if motion.speed_mps > 0.0 and motion.acceleration_mps2 == 0.0:
+        given.refuse("motion.acceleration_mps2", "is 0, but what has a speed must reach it")
+    for name, weight in asdict(shared["rewards"]).items():
+        if weight > _LARGEST_WEIGHT:
+            given.refuse(
+                f"rewards.{name}", f"is {weight:g}, but must be at most {_LARGEST_WEIGHT:g}"
+            )
+    if motion.running_factor < 1.0:
+        given.refuse("motion.running_factor", f"is {motion.running_factor:g}, but must be >= 1")
     if "slip" in given:
         shared["slip"] = given.number("slip")
         if shared["slip"] > 1.0:

@@ -104,6 +104,17 @@ def test_a_constructor_that_raises_is_said() -> None:
     )
 
 
+def test_a_decide_that_ends_the_program_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`sys.exit` in a user's code ended the run as if all were well."""
+
+    def end(*_: object) -> Intent:
+        raise SystemExit(0)
+
+    monkeypatch.setattr(failing.Returns, "decide", end)
+    with pytest.raises(BehaviourError, match="SystemExit: 0"):
+        intent_of(failing.Returns(), situation())
+
+
 def test_a_decide_that_takes_something_else_is_refused_by_the_catalogue(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
