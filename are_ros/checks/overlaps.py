@@ -132,7 +132,8 @@ def check_robot(record: Record) -> CheckResult:
         return skipped(tally.name, "there is no effective.yaml, which says the robot's shape")
     base = record.base_frame()
     if not record.frames.has(base):
-        reason = f"no transform names the base '{base}'"
+        given = record.parameters.frames.base
+        reason = f"no transform names the base '{base}'" if given else "no transform names a base"
         return skipped(tally.name, reason, needs_inputs=record.lacks_inputs)
     robot = record.parameters.robot
     outline = Outline.of(robot.footprint, robot.radius)

@@ -171,16 +171,7 @@ def _shared_fields(given: Fields) -> dict[str, Any]:
         known = asdict(kind())
         section = given.section(key, tuple(known))
         shared[key] = kind(**{name: section.number(name, value) for name, value in known.items()})
-    motion = shared["motion"]
-    if motion.speed_mps > 0.0 and motion.acceleration_mps2 == 0.0:
-        given.refuse("motion.acceleration_mps2", "is 0, but what has a speed must reach it")
-    for name, weight in asdict(shared["rewards"]).items():
-        if weight > _LARGEST_WEIGHT:
-            given.refuse(
-                f"rewards.{name}", f"is {weight:g}, but must be at most {_LARGEST_WEIGHT:g}"
-            )
-    if motion.running_factor < 1.0:
-        given.refuse("motion.running_factor", f"is {motion.running_factor:g}, but must be >= 1")
+    _check_numbers(given, shared["motion"], shared["rewards"])
     if "slip" in given:
         shared["slip"] = given.number("slip")
         if shared["slip"] > 1.0:
@@ -191,6 +182,18 @@ def _shared_fields(given: Fields) -> dict[str, Any]:
         shared["planners"] = _shares(given, "planners", PLANNERS, why_no_planner)
     shared["features"] = _features(given)
     return shared
+
+
+def _check_numbers(given: Fields, motion: MotionLimits, rewards: RewardWeights) -> None:
+    """Raise CatalogueError for limits that contradict each other, and weights that overflow."""
+    if motion.speed_mps > 0.0 and motion.acceleration_mps2 == 0.0:
+        given.refuse("motion.acceleration_mps2", "is 0, but what has a speed must reach it")
+    if motion.running_factor < 1.0:
+        given.refuse("motion.running_factor", f"is {motion.running_factor:g}, but must be >= 1")
+    for name, weight in asdict(rewards).items():
+        if weight > _LARGEST_WEIGHT:
+            most = f"{_LARGEST_WEIGHT:g}"
+            given.refuse(f"rewards.{name}", f"is {weight:g}, but must be at most {most}")
 
 
 def _shares(
