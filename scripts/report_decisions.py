@@ -18,6 +18,7 @@ and, of all decisions, in how many the behaviour changed; the planner is drawn a
 
 import argparse
 import math
+import sys
 from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
@@ -35,6 +36,7 @@ from are_ros.agents.navigation.navigation import (
 )
 from are_ros.agents.snapshot import AgentSnapshot
 from are_ros.builder.assembly import catalogue_of
+from are_ros.errors import AreError
 from are_ros.lab.soak import SoakRun
 from are_ros.population.artefact import GroundPose, boxes_of
 from are_ros.population.catalogue import CatalogueRow
@@ -194,4 +196,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except AreError as cause:
+        sys.exit(str(cause))

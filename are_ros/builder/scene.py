@@ -11,7 +11,7 @@ import numpy.typing as npt
 from are_ros.agents.events import ArtefactState
 from are_ros.agents.trajectory_buffer import motions_at
 from are_ros.population.artefact import Artefact, GroundPose, boxes_of, map_from_artefact
-from are_ros.population.catalogue import CatalogueRow
+from are_ros.population.catalogue import TOLD, CatalogueRow
 from are_ros.world.boxes import OrientedBoxes
 
 _Columns = npt.NDArray[np.float64]
@@ -122,8 +122,8 @@ class Scene:
 
 def features_of(row: CatalogueRow, activity: str, planner: str) -> dict[str, str]:
     """Return a row's features with the activity and the planner among them, if there are."""
-    said = {"activity": activity, "planner": planner}
-    return {**row.features, **{key: value for key, value in said.items() if value}}
+    said = zip(TOLD, (activity, planner), strict=True)
+    return {**row.features, **{key: value for key, value in said if value}}
 
 
 def _status_of(artefacts: Sequence[Artefact]) -> tuple[Status, ...]:

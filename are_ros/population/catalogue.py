@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +26,10 @@ class MeshFile:
     metres_per_unit: float = 1.0
     up: str = "z"
     forward: str = "x"
+
+
+TOLD: Final = ("activity", "planner")
+"""Published among the features of an artefact, for what it does; no feature has these names."""
 
 
 @dataclass(frozen=True)

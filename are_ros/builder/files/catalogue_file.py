@@ -10,6 +10,7 @@ from are_ros.agents.local_planner.body import PLANNERS
 from are_ros.agents.local_planner.user_planners import why_not as why_no_planner
 from are_ros.errors import CatalogueError
 from are_ros.population.catalogue import (
+    TOLD,
     Catalogue,
     CatalogueRow,
     MeshFile,
@@ -220,6 +221,8 @@ def _features(given: Fields) -> dict[str, str]:
     features = {}
     for key in section:
         value = section.raw(key)
+        if key in TOLD:
+            section.refuse(str(key), "is published as what the artefact does; give another name")
         if not isinstance(value, str | int | float | bool):
             section.refuse(str(key), f"is {value!r}, but text, a number, true or false is needed")
         features[str(key)] = str(value).lower() if isinstance(value, bool) else str(value)

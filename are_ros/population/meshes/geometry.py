@@ -109,7 +109,8 @@ def read_bodies(source: MeshFile) -> list[Any]:
     import trimesh
 
     if not source.path.is_file():
-        raise CatalogueError(f"the mesh file {source.path} does not exist")
+        what = "is a folder" if source.path.is_dir() else "does not exist"
+        raise CatalogueError(f"the mesh file {source.path} {what}")
     if source.path.suffix.lower() not in MESH_SUFFIXES:
         known = ", ".join(suffix[1:].upper() for suffix in MESH_SUFFIXES)
         raise CatalogueError(f"the mesh file {source.path} is none of {known}")

@@ -192,6 +192,7 @@ def test_a_glb_stands_as_its_format_says(tmp_path: Path) -> None:
         ({"planners": {"social_farce": 1}}, "not known; did you mean 'social_force'?"),
         ({"planners": {"social_force": 0}}, "planners has no positive weight"),
         ({"features": {"tags": [1]}}, "features.tags is [1], but text"),
+        ({"features": {"activity": "naps"}}, "features.activity is published as what the artefact"),
         ({"mesh": {"file": "a.stl"}}, "shape is given beside mesh"),
     ],
 )
