@@ -93,7 +93,8 @@ def fitted(
             else:
                 fits = (fit_mixture(counts, options.components, seed=seed, progress=progress),)
     except (InputError, ParameterError) as cause:
-        raise type(cause)(f"{options.source}: {cause}") from cause
+        told = f" ({'; '.join(observed.notes)})" if observed.notes else ""
+        raise type(cause)(f"{options.source}: {cause}{told}") from cause
     return FitOutcome(
         source=options.source.name or str(options.source),
         observed=observed,

@@ -11,7 +11,8 @@ import yaml
 
 from are_ros.builder.files.catalogue_file import SHIPPED_CATALOGUE, read_catalogue
 from are_ros.errors import AreError, BagError, CatalogueError, InputError, ParameterError
-from are_ros.fit.command import FitOptions, fit_command, row_space
+from are_ros.fit.command import FitOptions, fit_command, fitted, row_space
+from are_ros.fit.observed import ObservedRows, RowSpace
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import read_ros_parameters
@@ -187,6 +188,14 @@ def test_what_cannot_be_fitted_is_refused_without_a_trace(
     with pytest.raises(error, match=words):
         run(FitOptions(rows, tmp_path / "out", components=5))
     assert not (tmp_path / "out").exists()
+
+
+def test_what_was_left_out_is_told_where_nothing_is_left(tmp_path: Path) -> None:
+    """As of a recording in which all artefacts were scripted."""
+    observed = ObservedRows(np.zeros(10, np.int64), ("counted: 0 arrivals", "left out: 2 scripted"))
+    words = r"there is no sample to fit \(counted: 0 arrivals; left out: 2 scripted\)"
+    with pytest.raises(InputError, match=words):
+        fitted(FitOptions(tmp_path / "run", tmp_path, components=1), observed, RowSpace(10), None)
 
 
 def test_a_missing_catalogue_is_refused(rows_file: Path, tmp_path: Path) -> None:
