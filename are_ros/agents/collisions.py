@@ -165,9 +165,10 @@ def _keep_or_move_back(
     """Give each box from `start` on its proposed or last safe pose; return the first with neither.
 
     Boxes are packed (N, 8). `allowed` (N, 2) tells whether the proposed and the last safe pose are
-    clear of walls and robots, `adjacency` is the result of `_neighbours`. All boxes are tested
-    against the `displaced`, which are outside their neighbourhoods. The kernel writes into
-    `current` (N, 8) and `outcomes` (N,). It returns N at the end.
+    clear of walls and robots, `adjacency` is the result of `_neighbours`. Who `is_fixed` (N,) is
+    passed over, and is in `current` where it stays. All boxes are tested against the `displaced`,
+    which are outside their neighbourhoods. The kernel writes into `current` (N, 8) and `outcomes`
+    (N,). It returns N at the end.
     """
     starts, indices = adjacency
     for i in range(start, proposed.shape[0]):
@@ -341,7 +342,7 @@ class CollisionResolver:
         ahead: Callable[[], Sequence[Footprint]] = tuple,
         fixed: Sequence[int] = (),
     ) -> Resolution:
-        """Return the poses of artefacts `ids` (N,), strictly ascending; `fixed` are indices.
+        """Return the poses of artefacts `ids` (N,), strictly ascending; `fixed` index tracks.
 
         `proposed` and `last_safe` are the boxes (N) at the two poses, on the ground, in the map
         frame; `last_safe` is where each was at the end of the last sub-step, or where it was
