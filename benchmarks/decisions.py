@@ -164,7 +164,7 @@ def decide() -> None:
     poses[0, :2] = x_m, y_m
     cells = Neighbourhood(poses[:, :2]).cells
     crowd = (*cells, poses, poses[:, None, :2] + ((1.0, 0.0), (2.0, 0.0)), np.full(11, 0.3))
-    ends, no_robot = (0.25, goals_m[0], goals_m[0], 0.5, 0.0), (np.zeros((2, 2)), -1.0)
+    ends, no_robot = (0.25, goals_m[0], goals_m[0], 0.5, 0.0, False), (np.zeros((2, 2)), -1.0)
     active = (tuple(coarse.ground), tuple(table.value_arrays), ends)
     choice = (crowd, no_robot, (0, True, 30), False, np.empty((2, 5)), *active)
     way = (*active, (x_m, y_m, 0.0), (0, 3), np.empty((128, 2)))

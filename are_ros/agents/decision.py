@@ -68,10 +68,11 @@ MOVING_MPS: Final = 0.1
 BLOCKED_S: Final = 1.0
 """After this time without progress, the activity of an agent names the obstruction."""
 
-SPOT_M, MANOEUVRING_S, STUCK_S = 0.3, 3.0, 8.0
-"""An agent with a goal that stays within `SPOT_M` is said to manoeuvre after `MANOEUVRING_S`, and
-counts as blocked after `STUCK_S`: a car that shunts in clutter moves, and makes no progress. So
-does one whose value of the goal has not grown for that time: it paces to and fro."""
+SPOT_M, MANOEUVRING_S, STUCK_S, TURNS_S = 0.3, 3.0, 8.0, 24.0
+"""An agent with a goal that stays within `SPOT_M` is said to manoeuvre after `MANOEUVRING_S`, as is
+a vehicle that turns round in legs, and counts as blocked after `STUCK_S`: a car that shunts in
+clutter moves, and makes no progress. So does one whose value of the goal has not grown for that
+time: it paces to and fro. A vehicle in a manoeuvre has `TURNS_S`: it grows when that is done."""
 
 _MOVES: Final = 5
 _NO_LOSS, _NEAR_EXIT_S = 0.1, 2.0
@@ -262,7 +263,8 @@ class DecisionLayer:
             value = prospect.value if prospect.kind is Prospects.CHOOSES else None
             request.state.note_gain(request.intent.goal_m, value, now_ns)
             agent = table.artefacts[row]
-            activity = _activity(request, result, situation)
+            is_turning = self._planner.is_manoeuvring(row)
+            activity = _activity(request, result, situation, is_turning)
             agent.activity = "" if activity == agent.behaviour else activity
         return left
 
@@ -451,8 +453,9 @@ class DecisionLayer:
             agent = self._table.artefacts[row]
             state.note_place(me.point_m, now_ns)
             blocked_s = 0.0 if kind is Obstruction.NONE else since_s
+            stuck_s = TURNS_S if self._planner.is_manoeuvring(row) else STUCK_S
             for without_s in (state.lingered_s, (now_ns - state.gained_ns) / NS_PER_S):
-                if without_s > STUCK_S:
+                if without_s > stuck_s:
                     blocked_s = max(blocked_s, without_s)
             end_ns = agent.departure_ns
             situations.append(
@@ -577,7 +580,9 @@ def _obstruction_name(kind: Obstruction, other_id: int) -> str:
     return "the robot" if kind is Obstruction.ROBOT else _WALL
 
 
-def _activity(request: NavigationRequest, result: NavigationResult, situation: Situation) -> str:
+def _activity(
+    request: NavigationRequest, result: NavigationResult, situation: Situation, is_turning: bool
+) -> str:
     """Return what an agent does at present, with the obstruction if it is blocked."""
     if result.no_way:
         return "no way"
@@ -586,6 +591,6 @@ def _activity(request: NavigationRequest, result: NavigationResult, situation: S
         return f"{'blocked by' if name == _WALL else 'waiting for'} {name}"
     if result.waits:
         return "giving way"
-    if has_goal and request.state.lingered_s > MANOEUVRING_S:
+    if has_goal and (is_turning or request.state.lingered_s > MANOEUVRING_S):
         return "manoeuvring"
     return request.intent.activity

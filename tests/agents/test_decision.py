@@ -95,6 +95,7 @@ class Road:
         self.table = table
         self.commands: dict[int, MotionCommand] = {}
         self.way = (Obstruction.NONE, -1, 0.0)
+        self.manoeuvring = set[int]()
         self.speed_mps = 0.0
 
     def give_commands(self, rows: Sequence[int], commands: Sequence[MotionCommand]) -> None:
@@ -104,6 +105,10 @@ class Road:
     def obstructions(self, rows: Sequence[int]) -> list[tuple[Obstruction, int, float]]:
         """Say what is in the way."""
         return [self.way for _ in rows]
+
+    def is_manoeuvring(self, row: int) -> bool:
+        """Say who turns round."""
+        return int(self.table.ids[row]) in self.manoeuvring
 
     @property
     def motion(self) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
@@ -401,6 +406,28 @@ def test_who_shunts_and_gives_way_by_turns_manoeuvres_too() -> None:
         said.append(marcher.activity)
     assert said[3] == said[7] == "giving way"
     assert said[5] == said[6] == said[8] == "manoeuvring"
+
+
+def test_a_vehicle_that_turns_round_in_legs_manoeuvres_and_has_longer_for_it() -> None:
+    """It counts as blocked once the value of its state has not grown for 24 s, not for 8 s."""
+    town, told = Town(), list[float]()
+
+    def decide(situation: Situation) -> Intent:
+        told.append(situation.blocked_s)
+        return Intent((8.0, 4.0), 1.3)
+
+    turning = town.admit(1, 100 * STEP_NS)
+    spy = SimpleNamespace(name="spy", decide=decide)
+    town.state(1).repertoire = Repertoire.only(spy)  # type: ignore[arg-type]
+    town.ways.values, town.road.manoeuvring = np.zeros((2, 5)), {1}
+    for second in range(27):
+        town.x_m = float(second % 2)
+        town.decide(100 + 20 * second)
+        assert turning.activity == ("manoeuvring" if town.road.manoeuvring else "")
+        if second == 25:
+            town.road.manoeuvring = set()
+    assert told[:25] == [0.0] * 25
+    assert told[25:] == [25.0, 26.0]
 
 
 def test_who_stands_of_its_own_will_does_not_manoeuvre() -> None:

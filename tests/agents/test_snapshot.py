@@ -140,7 +140,7 @@ def minded(
 ) -> npt.NDArray[np.float64]:
     """Return who is minded about one, by epoch as rows of x, y, radius, fade and weight."""
     everybody = Crowd(view.crowd[:8], *view.crowd[8:])
-    going = GoalSpec(0.2, (0.0, 0.0), (0.0, 0.0), 0.4, 0.7)
+    going = GoalSpec(0.2, (0.0, 0.0), (0.0, 0.0), 0.4, 0.7, drives=False)
     return find_others(everybody, robot, index, is_patient, going)
 
 

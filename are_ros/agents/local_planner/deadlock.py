@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import borrowing, compiled
-from are_ros.agents.local_planner.primitives import way_left
+from are_ros.agents.local_planner.primitives import point_ahead, way_left
 from are_ros.agents.local_planner.rollouts import (
     COASTING,
     FACING,
@@ -180,8 +180,9 @@ def note_progress(
         forget_blockade(memory)
         return
     if body.turn_radius > 0.0:
-        gain = way_left(before[X], before[Y], before[YAW], command.x, command.y, body.turn_radius)
-        gain -= way_left(after[X], after[Y], after[YAW], command.x, command.y, body.turn_radius)
+        x, y, _ = point_ahead(before, command, memory, body.turn_radius)
+        gain = way_left(before[X], before[Y], before[YAW], x, y, body.turn_radius)
+        gain -= way_left(after[X], after[Y], after[YAW], x, y, body.turn_radius)
     else:
         gain = distance(before, command.x, command.y) - distance(after, command.x, command.y)
     drain = _SLOWEST * timing.step_s if memory.credit > 0.0 else 0.0

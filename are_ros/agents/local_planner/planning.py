@@ -329,9 +329,9 @@ def plan(
     backs_off = backs_off and not (
         turns_freely(pose, body, floor) and turns_among(agents, i, pose, now, workspace, near)
     )
+    workspace.goal[0], workspace.goal[1] = command.x, command.y
     options = propose(agents, i, aim, pose, now, timing, floor, robot, workspace, near, backs_off)
     wall_gap = wall_gap_wanted(pose, body, command.wall_comfort, floor, workspace.box)
-    workspace.goal[0], workspace.goal[1] = command.x, command.y
     is_aside = np.cos(aim.heading) * pose[COS] + np.sin(aim.heading) * pose[SIN] < _AHEAD
     is_stuck = memory.blocked > _BACKS_OFF_AFTER
     keeps_way = command.planner == PATH_FOLLOWING and body.turn_radius > 0.0

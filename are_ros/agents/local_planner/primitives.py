@@ -18,25 +18,40 @@ from are_ros.agents.local_planner.rollouts import (
     CURVE,
     GOING,
     HEADING,
+    PASSED,
     POINT,
     PUSHED,
     PlanningGoal,
 )
-from are_ros.agents.local_planner.state import COS, SIN, SPEED, YAW, Floats, PlannerTiming, X, Y
+from are_ros.agents.local_planner.state import (
+    COS,
+    NEVER,
+    SIN,
+    SPEED,
+    YAW,
+    Floats,
+    PlannerTiming,
+    X,
+    Y,
+)
 
 # The primitives of a vehicle, which cannot turn on the spot: arcs forward and in reverse.
 #
 # What an arc gains is the change of the way that is left from its end: the shortest way of arcs and
-# straight lines to a point (Dubins), forward or, dearer, in reverse.
+# straight lines to a point (Dubins), forward or, dearer, in reverse. Where walls are on that way,
+# `manoeuvres` finds another one.
 
 
 REVERSE_SHARE = 0.5
 """The fastest reverse over the fastest forward speed."""
 
 _BENDS = np.array([0.0, -0.3, 0.3, -0.6, 0.6, -1.0, 1.0])
-_FORWARD = np.array([1.0, 0.6, 0.3, 0.12, 0.04])  # the last: a decimetre, to shunt in a slot
+FORWARD = np.array([1.0, 0.6, 0.3, 0.12, 0.04])  # the last: a decimetre, to shunt in a slot
 _BACKWARD = np.array([-1.0, -0.5, -0.2, -0.07])
-_REVERSE_PRICE = 2.0  # of a metre in reverse, in metres
+_BACKS_AFTER = 3.0
+_LOOK_AHEAD = 4.0  # turning radii
+REVERSE_PRICE = 2.0
+"""The price of a metre in reverse, in metres."""
 _REVERSAL = 0.15  # for a change of direction
 _REVERSE = 0.1
 _BEND = 0.01
@@ -45,28 +60,63 @@ _BEND_CHANGE = 0.04
 
 
 @borrowing
-def way_left(x: float, y: float, yaw: float, goal_x: float, goal_y: float, radius: float) -> float:
-    """Return the way [m] from a pose to a goal: an arc, then its tangent, forward or in reverse.
+def _way(x: float, y: float, radius: float) -> float:
+    """Return the way [m] to a point so far ahead and aside: an arc, then its tangent."""
+    before, square = 0.0, x * x + (radius - y) ** 2 - radius * radius
+    if square < 0.0:  # inside the turning circle: it is first brought onto it by going back
+        back = np.sqrt(max(radius * radius - (radius - y) ** 2, 0.0)) - x
+        before, x, square = REVERSE_PRICE * back + 0.1 * radius, x + back, 0.0
+    tangent = np.sqrt(square)
+    angle = math.atan2(x, radius - y) - math.atan2(tangent, radius)
+    if angle < -1e-9:
+        angle += 2.0 * np.pi
+    return float(before + radius * max(angle, 0.0) + tangent)
+
+
+@borrowing
+def ways_left(
+    x: float, y: float, yaw: float, goal_x: float, goal_y: float, radius: float
+) -> tuple[float, float]:
+    """Return the ways [m] from a pose to a goal, forward and in reverse: an arc, then its tangent.
 
     A metre in reverse counts more than one ahead.
     """
     c, s = np.cos(yaw), np.sin(yaw)
     dx, dy = goal_x - x, goal_y - y
-    ahead, aside = dx * c + dy * s, dy * c - dx * s
-    y, least = abs(aside), np.inf
-    for sense in (1.0, -1.0):  # forward, and in reverse
-        x, before = sense * ahead, 0.0
-        square = x * x + (radius - y) ** 2 - radius * radius
-        if square < 0.0:  # inside the turning circle: it is first brought onto it by going back
-            back = np.sqrt(max(radius * radius - (radius - y) ** 2, 0.0)) - x
-            before, x, square = _REVERSE_PRICE * back + 0.1 * radius, x + back, 0.0
-        tangent = np.sqrt(square)
-        angle = math.atan2(x, radius - y) - math.atan2(tangent, radius)
-        if angle < -1e-9:
-            angle += 2.0 * np.pi
-        way = before + radius * max(angle, 0.0) + tangent
-        least = min(least, way if sense > 0.0 else _REVERSE_PRICE * way + 0.1 * radius)
-    return float(least)
+    ahead, aside = dx * c + dy * s, abs(dy * c - dx * s)
+    back = REVERSE_PRICE * _way(-ahead, aside, radius) + 0.1 * radius
+    return _way(ahead, aside, radius), float(back)
+
+
+@borrowing
+def way_left(x: float, y: float, yaw: float, goal_x: float, goal_y: float, radius: float) -> float:
+    """Return the shorter of `ways_left`."""
+    ahead, back = ways_left(x, y, yaw, goal_x, goal_y, radius)
+    return float(min(ahead, back))
+
+
+@borrowing
+def point_ahead(
+    pose: Floats, command: Any, memory: Any, radius: float
+) -> tuple[float, float, float]:
+    """Return the point that a vehicle makes for, and how much [m] of the way there may be closed.
+
+    It is the sub-goal, or where the way goes on there, one beyond: so far that it is shorter to
+    turn round than to reverse, and near the sub-goal half in the direction that the way then has.
+    """
+    if command.stops == 1 or memory.passed_at != NEVER:
+        return command.x, command.y, 0.0
+    dx, dy = command.x - pose[X], command.y - pose[Y]
+    away = max(np.sqrt(dx * dx + dy * dy), 1e-3)
+    cos, sin, near = dx / away, dy / away, min(max(2.0 - away / radius, 0.0), 1.0)
+    if near > 0.0 and not np.isnan(command.beyond_x):
+        dx, dy = command.beyond_x - command.x, command.beyond_y - command.y
+        beyond = max(np.sqrt(dx * dx + dy * dy), 1e-3)
+        cos, sin = cos + near * dx / beyond, sin + near * dy / beyond
+        size = max(np.sqrt(cos * cos + sin * sin), 1e-3)
+        cos, sin = cos / size, sin / size
+    more = max(_LOOK_AHEAD * radius - away, 0.0)
+    return command.x + more * cos, command.y + more * sin, more + PASSED
 
 
 @borrowing
@@ -75,7 +125,7 @@ def _arc_cost(
     way: float,
     aim: PlanningGoal,
     pose: Floats,
-    command: Any,
+    point: tuple[float, float, float],
     radius: float,
     full: float,
 ) -> float:
@@ -91,9 +141,9 @@ def _arc_cost(
         return float(1.0 - (1.5 * min(aside, abs(aim.aside)) + 0.6 * ahead) / full)
     if aim.kind != GOING:
         return float(1.0 - (dx * np.cos(aim.heading) + dy * np.sin(aim.heading)) / full)
-    now = way_left(pose[X], pose[Y], pose[YAW], command.x, command.y, radius)
+    now = way_left(pose[X], pose[Y], pose[YAW], point[0], point[1], radius)
     yaw = pose[YAW] + turn
-    then = way_left(pose[X] + dx, pose[Y] + dy, yaw, command.x, command.y, radius)
+    then = way_left(pose[X] + dx, pose[Y] + dy, yaw, point[0], point[1], radius)
     return float(1.0 + (then - now) / full)
 
 
@@ -106,12 +156,18 @@ def vehicle_options(
     command: Any,
     memory: Any,
     timing: PlannerTiming,
+    is_open: bool,
 ) -> int:
-    """Write the primitives of a vehicle at a pose; return how many there are."""
+    """Write the primitives of a vehicle at a pose; return how many there are.
+
+    Where its way ahead `is_open`, none leads back, unless others have blocked it for long.
+    """
     duration, count = timing.drive * timing.step_s, 0
     radius = TIGHTEST * body.turn_radius
-    full = aim.speed * duration
-    for factors in (_FORWARD, _BACKWARD):
+    full, point = aim.speed * duration, point_ahead(pose, command, memory, radius)
+    for factors in (FORWARD, _BACKWARD):
+        if factors[0] < 0.0 and is_open and memory.blocked < _BACKS_AFTER:
+            break
         for bend in _BENDS:
             for factor in factors:
                 speed = factor * (aim.speed if factor > 0.0 else REVERSE_SHARE * aim.speed)
@@ -121,7 +177,7 @@ def vehicle_options(
                     way = (pose[SPEED] + 0.5 * pull * duration) * duration
                 else:
                     way = 0.5 * (pose[SPEED] + speed) * change + speed * (duration - change)
-                cost = _arc_cost(bend, way, aim, pose, command, radius, full) + _BEND * abs(bend)
+                cost = _arc_cost(bend, way, aim, pose, point, radius, full) + _BEND * abs(bend)
                 if memory.chosen == memory.chosen:
                     cost += _BEND_CHANGE * abs(bend - memory.chosen * radius)
                 cost += _REVERSE if factor < 0.0 else 0.0
@@ -134,12 +190,12 @@ def vehicle_options(
     curvature = 2.0 * aside / max(dx * dx + dy * dy, 1e-6)
     is_wide = abs(curvature) * TIGHTEST * body.turn_radius <= 1.0
     if aim.ends and is_wide and abs(ahead) >= 0.02:
-        direction, price = (1.0, 1.0) if ahead > 0.0 else (-1.0, _REVERSE_PRICE)
+        direction, price = (1.0, 1.0) if ahead > 0.0 else (-1.0, REVERSE_PRICE)
         saved = way_left(pose[X], pose[Y], pose[YAW], command.x, command.y, radius)
         angle = math.atan2(abs(aside), abs(ahead))  # the arc's length is the chord's by this share
         share = angle / np.sin(angle) if angle > 1e-6 else 1.0
         saved -= price * (np.hypot(abs(ahead), abs(aside)) * share)
-        for factor in _FORWARD:
+        for factor in FORWARD:
             speed = direction * factor * aim.speed * (1.0 if ahead > 0.0 else REVERSE_SHARE)
             gain = saved + price * abs(speed) * duration
             cost = 1.0 - gain / full - _TO_GOAL + (0.0 if ahead > 0.0 else _REVERSE)

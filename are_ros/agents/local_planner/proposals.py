@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from are_ros._compiled import borrowing
+from are_ros.agents.local_planner.manoeuvres import begin_leg, leg_options
 from are_ros.agents.local_planner.primitives import (
     PLAIN_STOP,
     REVERSE_SHARE,
@@ -100,7 +101,11 @@ def propose(
     if planner == WISHES:
         return _wished(options, workspace.wishes[i], aim, pose, body, timing)
     if body.turn_radius > 0.0:
-        return vehicle_options(options, aim, pose, body, agents.command[i], memory, timing)
+        left, is_open = begin_leg(agents, i, aim, pose, now, timing, floor, workspace)
+        if left > 0.0:
+            return leg_options(options, memory, aim, left, body, workspace)
+        command = agents.command[i]
+        return vehicle_options(options, aim, pose, body, command, memory, timing, is_open)
     if planner == DYNAMIC_WINDOW:
         count = walker_options(options, aim, memory)
     elif planner == PATH_FOLLOWING:

@@ -251,7 +251,8 @@ STANDING, FACING, GOING, PUSHED, DETOURING, COASTING = range(6)
 _ARRIVED = 0.1
 _ABEAM = 0.4  # a vehicle whose goal is beside it, no farther than this, has arrived
 _FACED = 0.02
-_PASSED = 0.35
+PASSED = 0.35
+"""Nearer [m] to a sub-goal than this, an agent has passed it."""
 _STANDS = 1e-6
 _IMPATIENCE = 0.25
 _MOST_IMPATIENT = 1.5
@@ -290,17 +291,17 @@ def kind_of(agents: AgentArrays, i: int, pose: Floats, now: int, second: int) ->
     ahead, aside = dx * pose[COS] + dy * pose[SIN], dy * pose[COS] - dx * pose[SIN]
     is_vehicle = body.turn_radius > 0.0
     # beside a sub-goal on its way it has not arrived: it would wait there for another one for ever
-    is_abeam = is_vehicle and command.stops == 1
+    is_abeam = is_vehicle and command.stops != 0
     is_abeam = is_abeam and abs(ahead) <= _ARRIVED and abs(aside) <= _ABEAM
     if command.stops == 0 and now - second < memory.passed_at:
-        is_near = way < 2.0 * _PASSED + 0.3 * body.turn_radius
-        is_passed = is_near and (way < _PASSED or ahead < 0.0)
+        is_near = way < 2.0 * PASSED + 0.3 * body.turn_radius
+        is_passed = is_near and (way < PASSED or ahead < 0.0)
         # an artefact that turns on the spot passes no sub-goal while it stands
         if memory.passed_at == NEVER and is_passed and (is_vehicle or pose[SPEED] != 0.0):
             if np.isnan(command.beyond_x):
                 memory.passed_at = now
             else:
-                command.x, command.y, command.stops = command.beyond_x, command.beyond_y, 1
+                command.x, command.y, command.stops = command.beyond_x, command.beyond_y, 2
                 command.beyond_x, agents.due[i] = np.nan, now
         if memory.passed_at != NEVER:
             return COASTING
@@ -332,7 +333,7 @@ def aim_of(agents: AgentArrays, i: int, pose: Floats, now: int, second: int) -> 
         return PlanningGoal(
             DETOURING, heading + memory.detour, np.inf, speed, stop_cost, 0.0, False
         )
-    ends = command.stops == 1 or memory.passed_at != NEVER
+    ends = command.stops != 0 or memory.passed_at != NEVER
     way = distance(pose, command.x, command.y)
     return PlanningGoal(GOING, heading, way, speed, stop_cost, 0.0, ends)
 

@@ -69,7 +69,7 @@ COMMAND = np.dtype(
         ("x", "f8"),
         ("y", "f8"),
         ("speed", "f8"),
-        ("stops", "i8"),
+        ("stops", "i8"),  # 1: the way ends at (x, y), 2: it goes on there, nobody has said where
         ("face", "f8"),  # nan: none
         ("comfort", "f8"),
         ("robot_comfort", "f8"),
@@ -96,6 +96,15 @@ MEMORY = np.dtype(
         ("push_room", "f8"),  # how far to the side it is out of the way [m]
         ("chosen", "f8"),  # heading [rad] or curvature [1/m] of the last primitive; nan: none
         ("gear", "i8"),  # 1 forward, -1 in reverse
+        ("leg", "i8"),  # the gear of the leg of a manoeuvre that it drives, 0: none
+        ("leg_bend", "f8"),  # its curvature [1/m], and where it ends
+        ("leg_x", "f8"),
+        ("leg_y", "f8"),
+        ("leg_yaw", "f8"),
+        ("leg_heading", "f8"),  # where its goal was when it was found
+        ("manoeuvre", "i8"),  # the steps after that leg, as digits to the base of 6
+        ("steps", "i8"),  # how many they are
+        ("leg_search", "i8"),  # the first sub-step at which another one is searched for
         ("passed_at", "i8"),  # the sub-step at which it passed its sub-goal
         ("obstruction", "i8"),
         ("obstructed_by", "i8"),

@@ -330,6 +330,7 @@ class Navigation:
                     table.goal_m,
                     profile.others_price,
                     profile.robot_price,
+                    profile.row.motion.turn_radius_m > 0.0,
                 )
                 arrays = (tuple(coarse.ground), tuple(table.value_arrays), goal_spec)
                 return ActiveGoal(environment, table, arrays)

@@ -43,7 +43,8 @@ _NOWHERE_M: Final = (math.nan, math.nan)
 class GoalSpec(NamedTuple):
     """An agent's radius, its goal, and where the values end, which may be beside the goal.
 
-    Then the cost per epoch of being near others, and near the robot.
+    Then the cost per epoch of being near others, and near the robot, and whether it has a turning
+    circle.
     """
 
     radius_m: float
@@ -51,6 +52,7 @@ class GoalSpec(NamedTuple):
     end_m: tuple[float, float]
     others_price: float
     robot_price: float
+    drives: bool
 
 
 class Crowd(NamedTuple):
@@ -69,7 +71,7 @@ class Crowd(NamedTuple):
 # inside.
 GroundArrays = tuple[Any, ...]
 CrowdArrays = tuple[Any, ...]
-GoalSpecArrays = tuple[float, tuple[float, float], tuple[float, float], float, float]
+GoalSpecArrays = tuple[float, tuple[float, float], tuple[float, float], float, float, bool]
 GoalArrays = tuple[GroundArrays, ValueTuple, GoalSpecArrays]
 """The fields of `Ground`, `ValueArrays` and `GoalSpec`."""
 
@@ -189,14 +191,15 @@ def way_along(
     many points the way has, the farthest of them that a disc can roll straight to, and whether one
     stops there: at the end, and where the way turns back from the move. What comes after that does
     not count. The last point is the farthest that the disc can roll to from there; nan if one stops
-    there, or does not get there before the next decision.
+    there, or does not get there before the next decision. A vehicle, whose turns take more room
+    than a cell, is told the way on from the move wherever it leads, and always what comes next.
     """
     floor, values, going = Ground(*ground), ValueArrays(*value_arrays), GoalSpec(*ends)
     state, here_m = _state_of(floor, values, pose), (pose[0], pose[1])
     radius_m, lattice = going.radius_m, floor.lattice
     if (
         action[1] > 0
-        and _is_ahead(floor, state, values, action[1], going.end_m)
+        and (going.drives or _is_ahead(floor, state, values, action[1], going.end_m))
         and rolls(floor.clearance_m, lattice, here_m, going.end_m, radius_m)
     ):
         way_m[0, 0], way_m[0, 1] = going.end_m
@@ -209,7 +212,7 @@ def way_along(
     if way_m[count - 1, 0] == end_m[0] and way_m[count - 1, 1] == end_m[1]:
         way_m[count - 1, 0], way_m[count - 1, 1] = going.end_m
     ahead = count
-    if action[1] > 0:
+    if action[1] > 0 and not going.drives:
         ahead = 1
         while ahead < count and _is_ahead(
             floor, state, values, action[1], (way_m[ahead, 0], way_m[ahead, 1])
@@ -222,7 +225,7 @@ def way_along(
     stops = is_end or (ahead < count and seen == ahead)
     beyond_m, reach = _NOWHERE_M, (values.paces[action[0], 0] + 1.0) * floor.side * lattice[4]
     is_near = np.hypot(point_m[0] - pose[0], point_m[1] - pose[1]) < reach
-    if is_near and not stops and seen < ahead:
+    if (is_near or going.drives) and not stops and seen < ahead:
         beyond_m, _ = _first_corner(floor, point_m, rest_m[seen:], False, radius_m)
     return count, point_m, stops, beyond_m
 

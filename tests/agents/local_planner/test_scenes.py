@@ -363,7 +363,7 @@ def test_a_vehicle_does_not_stand_beside_a_sub_goal_on_its_way() -> None:
         street = Street(environment(cells))
         street.add(1, 6.0, 2.5, 0.0, SCOOTER)
         street.send(1, 6.0, 2.8, stop_there=stop_there)
-        street.run(20.0)
+        street.run(25.0)
         assert street.distance(1) == pytest.approx(away_m, abs=0.1)
         assert street.speeds[0] == 0.0
 

@@ -1,0 +1,278 @@
+"""Manoeuvres of a vehicle: how it turns round where the way ahead is not open.
+
+The way ahead is the shortest one: an arc, then its tangent. Where walls are on it, a search (A*)
+over legs of the tightest curvature and straight ones, forward and in reverse, finds the cheapest
+that lead to a pose from where it is open. The vehicle drives the first of them to its end, then
+looks again. Others are not looked at: it waits for them on its leg.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from are_ros._compiled import borrowing, owning
+from are_ros.agents.local_planner.body import TIGHTEST
+from are_ros.agents.local_planner.primitives import (
+    FORWARD,
+    REVERSE_PRICE,
+    REVERSE_SHARE,
+    point_ahead,
+    set_option,
+    ways_left,
+)
+from are_ros.agents.local_planner.rollouts import ARC_TO_POINT, BRAKE, GOING, PlanningGoal, wrapped
+from are_ros.agents.local_planner.state import (
+    COS,
+    NEVER,
+    SIN,
+    YAW,
+    AgentArrays,
+    ClearanceLayer,
+    Floats,
+    PlannerTiming,
+    Workspace,
+    X,
+    Y,
+)
+from are_ros.agents.local_planner.walls import wall_conflict, wall_gap_wanted
+
+_STEP = 0.3  # the length of a node's leg in turning radii, and so an angle [rad]
+_POSES = 8  # so many of a leg are looked at
+_MOST_NODES = 2400
+_CELLS, _CELL = 40, 0.25  # poses in one cell, of so many turning radii, and of one of `_YAWS`
+_YAWS = 24  # headings are one to the search
+_SHUNT = 0.6  # the price of a change of direction, in turning radii
+_STEER = 0.05  # and that of steering elsewhere
+_MARGIN_M = 0.05
+_LEAST_LEFT, _MOST_LEFT = 0.03, 1.0  # of the turning radius
+_OFF_M, _OFF = 0.3, -1e3  # farther aside than this, a vehicle is off its leg
+_TURNED = 0.8  # a goal elsewhere by this angle ends the leg
+_AGAIN_S = 2
+_MOST_STEPS, _DIGITS = 24, 6**24  # of a manoeuvre that is kept, as a number to the base of 6
+
+
+@borrowing
+def _copy(into: Floats, i: int, poses: Floats, k: int) -> None:
+    """Write pose k of some poses as pose i; to assign a row would take long to compile."""
+    for column in range(poses.shape[1]):
+        into[i, column] = poses[k, column]
+
+
+@borrowing
+def _move(path: Floats, k: int, bend: float, way: float) -> None:
+    """Write the pose k, a signed length along a curve from pose 0."""
+    pose, turn, x, y = path[0], bend * way, way, 0.0
+    if turn != 0.0:
+        x, y = np.sin(turn) / bend, (1.0 - np.cos(turn)) / bend
+    path[k, X] = pose[X] + pose[COS] * x - pose[SIN] * y
+    path[k, Y] = pose[Y] + pose[SIN] * x + pose[COS] * y
+    path[k, YAW] = pose[YAW] + turn
+    path[k, COS], path[k, SIN] = np.cos(path[k, YAW]), np.sin(path[k, YAW])
+
+
+@borrowing
+def _is_free(
+    path: Floats, last: int, body: Any, pace: float, floor: ClearanceLayer, box: Floats
+) -> bool:
+    """Tell whether a body keeps free on a path, with a margin if it begins with one."""
+    gap = wall_gap_wanted(path[0], body, _MARGIN_M, floor, box)
+    kept, k = wall_conflict(path, last, body, gap, pace, floor, box, path[last], True)
+    return kept and k == NEVER
+
+
+@borrowing
+def _is_open(
+    path: Floats,
+    point: tuple[float, float, float],
+    reach: float,
+    radius: float,
+    body: Any,
+    floor: ClearanceLayer,
+    box: Floats,
+) -> tuple[bool, bool]:
+    """Tell whether the shortest way from pose 0 of a path to a point is open, and leads forward.
+
+    Looked at are its arc, and its tangent as far as the sub-goal, or `reach`. A way that goes on
+    leads forward. The path is written into.
+    """
+    pose = path[0]
+    dx, dy = point[0] - pose[X], point[1] - pose[Y]
+    forward, back = ways_left(pose[X], pose[Y], pose[YAW], point[0], point[1], radius)
+    sense = 1.0 if forward <= back or point[2] > 0.0 else -1.0
+    ahead, aside = sense * (dx * pose[COS] + dy * pose[SIN]), dy * pose[COS] - dx * pose[SIN]
+    side, aside = (1.0 if aside > 0.0 else -1.0), abs(aside)
+    square = ahead * ahead + (radius - aside) ** 2 - radius * radius
+    if square < 0.0:
+        return False, False
+    tangent = np.sqrt(square)
+    angle = math.atan2(ahead, radius - aside) - math.atan2(tangent, radius)
+    arc = radius * (angle + 2.0 * np.pi if angle < -1e-9 else max(angle, 0.0))
+    last, bend = path.shape[0] - 1, side / radius
+    spacing = (arc + max(min(tangent - point[2], reach), 0.0)) / last
+    for k in range(1, last + 1):
+        way = spacing * k
+        _move(path, k, bend, sense * min(way, arc))
+        if way > arc:
+            path[k, X] += sense * (way - arc) * path[k, COS]
+            path[k, Y] += sense * (way - arc) * path[k, SIN]
+    pace = spacing * (1.0 + body.radius / radius)
+    return _is_free(path, last, body, pace, floor, box), sense > 0.0
+
+
+@borrowing
+def _meaning(option: int, radius: float) -> tuple[int, float]:
+    """Return the gear and the curvature [1/m] of a step."""
+    return 1 - 2 * (option // 3), (option % 3 - 1) / radius
+
+
+@owning
+def _find_manoeuvre(
+    path: Floats,
+    point: tuple[float, float, float],
+    reach: float,
+    radius: float,
+    gear: int,
+    body: Any,
+    floor: ClearanceLayer,
+    box: Floats,
+) -> tuple[int, int]:
+    """Return the cheapest manoeuvre from pose 0: how many steps, and their digits, the first last.
+
+    No steps if none is found. A node is a pose that a step leads to; its total is the cost so far,
+    and the way that would be left without walls.
+    """
+    start_x, start_y, step = path[0, X], path[0, Y], _STEP * radius
+    poses, bends = np.empty((_MOST_NODES, 6)), np.zeros(_MOST_NODES)
+    costs, totals = np.zeros(_MOST_NODES), np.zeros(_MOST_NODES)
+    parents, gears = np.zeros(_MOST_NODES, np.int64), np.zeros(_MOST_NODES, np.int64)
+    options = np.zeros(_MOST_NODES, np.int64)
+    least = np.full((2, _YAWS, _CELLS, _CELLS), np.inf)
+    _copy(poses, 0, path, 0)
+    gears[0], n, count, manoeuvre = gear, 0, 1, 0
+    while n == 0 or not _is_open(path, point, reach, radius, body, floor, box)[0]:
+        for option in range(6):
+            sense, bend = _meaning(option, radius)
+            for k in range(1, _POSES + 1):
+                _move(path, k, bend, sense * step * k / _POSES)
+            end = path[_POSES]
+            col = int(np.floor((end[X] - start_x) / (_CELL * radius))) + _CELLS // 2
+            row = int(np.floor((end[Y] - start_y) / (_CELL * radius))) + _CELLS // 2
+            turn = int(np.floor(end[YAW] * (_YAWS / (2.0 * np.pi)))) % _YAWS
+            if not (0 <= col < _CELLS and 0 <= row < _CELLS):
+                continue
+            cost = costs[n] + step * (1.0 if sense > 0 else REVERSE_PRICE)
+            cost += _SHUNT * radius if sense * gears[n] < 0 else 0.0
+            cost += _STEER * radius if bend != bends[n] else 0.0
+            pace = step / _POSES * (1.0 + body.radius / radius)
+            if cost >= least[option // 3, turn, row, col] - 1e-9 or not _is_free(
+                path, _POSES, body, pace, floor, box
+            ):
+                continue
+            least[option // 3, turn, row, col] = cost
+            left, back = ways_left(end[X], end[Y], end[YAW], point[0], point[1], radius)
+            left = left if point[2] > 0.0 else min(left, back)
+            costs[count], totals[count], parents[count] = cost, cost + left, n
+            _copy(poses, count, path, _POSES)
+            gears[count], bends[count], options[count] = sense, bend, option
+            count += 1
+        totals[n] = np.inf
+        n = int(np.argmin(totals[:count]))
+        if totals[n] == np.inf or count + 6 > _MOST_NODES:
+            return 0, 0
+        _copy(path, 0, poses, n)
+    steps = 0
+    while n > 0:  # from the last to the first, which is the last digit
+        manoeuvre = manoeuvre % (_DIGITS // 6) * 6 + options[n]
+        steps, n = steps + 1, parents[n]
+    return min(steps, _MOST_STEPS), manoeuvre
+
+
+@borrowing
+def _left_of(pose: Floats, memory: Any, leg: int) -> float:
+    """Return how much of its leg a vehicle has before it [m]; `_OFF` if it is off it."""
+    dx, dy = memory.leg_x - pose[X], memory.leg_y - pose[Y]
+    ahead, aside = dx * pose[COS] + dy * pose[SIN], dy * pose[COS] - dx * pose[SIN]
+    if memory.leg_bend == 0.0:
+        return float(leg * ahead) if abs(aside) < _OFF_M else _OFF
+    turn = wrapped(memory.leg_yaw - pose[YAW])
+    x, y = np.sin(turn) / memory.leg_bend, (1.0 - np.cos(turn)) / memory.leg_bend
+    if abs(x - ahead) > _OFF_M or abs(y - aside) > _OFF_M:
+        return _OFF
+    return float(leg * turn / memory.leg_bend)
+
+
+@borrowing
+def begin_leg(
+    agents: AgentArrays,
+    i: int,
+    aim: PlanningGoal,
+    pose: Floats,
+    now: int,
+    timing: PlannerTiming,
+    floor: ClearanceLayer,
+    workspace: Workspace,
+) -> tuple[float, bool]:
+    """Return how much [m] is left of the leg that vehicle i has to drive, 0 if it has none.
+
+    Then whether it has none as its way is open, and leads forward. Pose 0 of both scratch paths is
+    that of the vehicle.
+    """
+    memory, command, body = agents.memory[i], agents.command[i], agents.body[i]
+    box, radius, path = workspace.box, TIGHTEST * body.turn_radius, workspace.paths[1]
+    leg, memory.leg = memory.leg, 0
+    if aim.kind != GOING:
+        return 0.0, False
+    point = point_ahead(pose, command, memory, radius)
+    dx, dy = point[0] - pose[X], point[1] - pose[Y]
+    heading, away = math.atan2(dy, dx), np.sqrt(dx * dx + dy * dy)
+    # a way that ends here is looked at to its end, another one goes on
+    is_end = command.stops == 1 or memory.passed_at != NEVER
+    reach = away if is_end and away < _CELLS * _CELL * radius else radius
+    is_open, leads_ahead = _is_open(path, point, reach, radius, body, floor, box)
+    left, is_elsewhere = 0.0, abs(wrapped(heading - memory.leg_heading)) > _TURNED
+    if leg != 0 and not (leg > 0 and is_open):
+        left = _left_of(pose, memory, leg)
+        if left > _LEAST_LEFT * radius and not is_elsewhere:
+            memory.leg = leg
+            return left, False
+    if is_open:
+        return 0.0, leads_ahead
+    if leg == 0 or memory.steps == 0 or left == _OFF or is_elsewhere:
+        if now < memory.leg_search:
+            return 0.0, False
+        memory.leg_search = now
+        memory.steps, memory.manoeuvre = _find_manoeuvre(
+            path, point, reach, radius, memory.gear, body, floor, box
+        )
+        memory.leg_heading = heading
+        _copy(path, 0, workspace.paths[0], 0)  # the search has used it
+        if memory.steps == 0:
+            memory.leg_search = now + _AGAIN_S * timing.second
+            return 0.0, False
+    option, count = memory.manoeuvre % 6, 0
+    while memory.steps > 0 and memory.manoeuvre % 6 == option:
+        memory.manoeuvre, memory.steps, count = memory.manoeuvre // 6, memory.steps - 1, count + 1
+    gear, bend = _meaning(option, radius)
+    left = count * _STEP * radius
+    _move(path, 1, bend, gear * left)
+    memory.leg, memory.leg_bend, memory.credit = gear, bend, max(memory.credit, 0.0)
+    memory.leg_x, memory.leg_y, memory.leg_yaw = path[1, X], path[1, Y], path[1, YAW]
+    return float(left), False
+
+
+@borrowing
+def leg_options(
+    options: Floats, memory: Any, aim: PlanningGoal, left: float, body: Any, workspace: Workspace
+) -> int:
+    """Write the primitives that drive what is left of a leg; return how many there are."""
+    radius, path, count = TIGHTEST * body.turn_radius, workspace.paths[1], 0
+    _move(path, 1, memory.leg_bend, memory.leg * min(left, _MOST_LEFT * radius))
+    workspace.goal[0], workspace.goal[1] = path[1, X], path[1, Y]
+    share = memory.leg if memory.leg > 0 else memory.leg * REVERSE_SHARE
+    for factor in FORWARD:
+        speed = factor * share * aim.speed
+        count = set_option(
+            options, count, ARC_TO_POINT, memory.leg_bend, speed, 1.0 - factor, np.nan
+        )
+    return set_option(options, count, BRAKE, memory.leg_bend, 0.0, aim.stop_cost, np.nan)
