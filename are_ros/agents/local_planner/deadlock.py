@@ -179,7 +179,9 @@ def note_progress(
     if command.has_goal == 0 or kind in (STANDING, FACING, COASTING):
         forget_blockade(memory)
         return
-    if body.turn_radius > 0.0:
+    if memory.leg != 0:
+        gain = memory.leg * after[SPEED] * timing.step_s
+    elif body.turn_radius > 0.0:
         x, y, _ = point_ahead(before, command, memory, body.turn_radius)
         gain = way_left(before[X], before[Y], before[YAW], x, y, body.turn_radius)
         gain -= way_left(after[X], after[Y], after[YAW], x, y, body.turn_radius)

@@ -2,8 +2,8 @@
 
 The way ahead is the shortest one: an arc, then its tangent. Where walls are on it, a search (A*)
 over legs of the tightest curvature and straight ones, forward and in reverse, finds the cheapest
-that lead to a pose from where it is open. The vehicle drives the first of them to its end, then
-looks again. Others are not looked at: it waits for them on its leg.
+that lead to a pose from where it is open. The vehicle drives them one after the other, until the
+way is open or its goal lies elsewhere. Others are not looked at: it waits for them on its leg.
 """
 
 import math
