@@ -27,7 +27,7 @@ from are_ros.agents.behaviours.situation import (
     Situation,
 )
 from are_ros.agents.behaviours.walking import arrival_m
-from are_ros.agents.local_planner.body import Body
+from are_ros.agents.body import Body
 from are_ros.agents.local_planner.planner import LocalPlanner, Obstruction
 from are_ros.agents.mdp.policy import (
     STAY,

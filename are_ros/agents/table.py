@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.agents.body import Body
 from are_ros.agents.local_planner import state as _state
-from are_ros.agents.local_planner.body import Body
 from are_ros.agents.local_planner.deadlock import forget_blockade
 from are_ros.agents.local_planner.state import STAND_ROW, STAYS, AgentArrays, PlannerTiming
 from are_ros.agents.navigation.terrain import HEIGHT_STEP_M

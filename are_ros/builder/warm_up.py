@@ -15,7 +15,7 @@ import numpy.typing as npt
 from numba.core import event
 
 from are_ros._compiled import KERNELS, name_of, on_long_stack
-from are_ros.agents.local_planner.body import MotionCommand
+from are_ros.agents.body import MotionCommand
 from are_ros.agents.simulate import CrowdSimulator
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import collision_resolver

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.local_planner.body import Body
+from are_ros.agents.body import Body
 from are_ros.agents.mdp.coarse_map import CoarseMap, CoarseMaps
 from are_ros.agents.mdp.model import MAX_REACH, Problem, TravelModel, problem_of, solve, ways_to
 from are_ros.agents.navigation.destinations import destinations_in

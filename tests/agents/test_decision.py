@@ -12,8 +12,8 @@ from scipy import stats
 
 from are_ros.agents.behaviours.repertoire import Repertoire
 from are_ros.agents.behaviours.situation import Intent, Situation
+from are_ros.agents.body import MotionCommand
 from are_ros.agents.decision import AgentState, DecisionLayer
-from are_ros.agents.local_planner.body import MotionCommand
 from are_ros.agents.local_planner.planner import Obstruction
 from are_ros.agents.navigation.destinations import Destinations
 from are_ros.agents.navigation.navigation import (

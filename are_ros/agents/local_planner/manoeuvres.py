@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from are_ros._compiled import borrowing, owning
-from are_ros.agents.local_planner.body import TIGHTEST
+from are_ros.agents.body import TIGHTEST
 from are_ros.agents.local_planner.primitives import (
     FORWARD,
     REVERSE_PRICE,

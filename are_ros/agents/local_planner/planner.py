@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import borrowing, owning
+from are_ros.agents.body import PLANNERS, MotionCommand
 from are_ros.agents.local_planner import deadlock as _deadlock
 from are_ros.agents.local_planner import state as _state
-from are_ros.agents.local_planner.body import PLANNERS, MotionCommand
 from are_ros.agents.local_planner.deadlock import make_way, note_progress
 from are_ros.agents.local_planner.gaps import fill, gap_between, separation
 from are_ros.agents.local_planner.planning import commit, plan, reach_of

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from are_ros._compiled import borrowing
-from are_ros.agents.local_planner.body import TIGHTEST
+from are_ros.agents.body import TIGHTEST
 from are_ros.agents.local_planner.rollouts import (
     ARC_TO_POINT,
     BRAKE,

@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.local_planner.body import PLANNERS, STAND, Body, MotionCommand
+from are_ros.agents.body import PLANNERS, STAND, Body, MotionCommand
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

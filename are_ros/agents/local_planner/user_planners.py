@@ -15,7 +15,7 @@ from are_ros.agents.behaviours.calls import (
     wrong_answer,
 )
 from are_ros.agents.behaviours.registry import user_class
-from are_ros.agents.local_planner.body import PLANNERS
+from are_ros.agents.body import PLANNERS
 from are_ros.agents.local_planner.state import MOST_WISHES, SPEED, WISHES, YAW, X, Y
 from are_ros.conventions import seconds_to_ns
 from are_ros.errors import BehaviourError, CatalogueError

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.agents.behaviours.situation import Intent, Neighbour, Point, RobotView
-from are_ros.agents.local_planner.body import MotionCommand
+from are_ros.agents.body import MotionCommand
 from are_ros.agents.mdp.coarse_map import CoarseMaps
 from are_ros.agents.mdp.model import TravelModel
 from are_ros.agents.mdp.routes import AHEAD, best_action

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from are_ros.agents.local_planner.body import Body
+from are_ros.agents.body import Body
 from are_ros.population.catalogue import CatalogueRow, RewardWeights
 
 _TURNING_ROOM = 0.1

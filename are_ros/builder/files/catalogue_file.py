@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from are_ros.agents.behaviours.registry import BEHAVIOURS, why_not
-from are_ros.agents.local_planner.body import PLANNERS
+from are_ros.agents.body import PLANNERS
 from are_ros.agents.local_planner.user_planners import why_not as why_no_planner
 from are_ros.errors import CatalogueError
 from are_ros.population.catalogue import (

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from are_ros._compiled import compiled
 from are_ros.agents.behaviours.situation import Standing
-from are_ros.agents.local_planner.body import TIGHTEST, Body
+from are_ros.agents.body import TIGHTEST, Body
 from are_ros.agents.mdp.coarse_kernels import discs_fit
 from are_ros.agents.mdp.coarse_map import rounded_up_m
 from are_ros.agents.navigation.destinations import APART_M

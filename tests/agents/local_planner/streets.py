@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from are_ros.agents.local_planner.body import Body, MotionCommand
+from are_ros.agents.body import Body, MotionCommand
 from are_ros.agents.local_planner.planner import LocalPlanner, Obstruction
 from are_ros.agents.local_planner.robot import RobotMotion
 from are_ros.agents.table import AgentTable

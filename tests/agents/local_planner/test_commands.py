@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from are_ros.agents.body import Body, MotionCommand
 from are_ros.agents.local_planner import deadlock as _deadlock
 from are_ros.agents.local_planner import state as _state
-from are_ros.agents.local_planner.body import Body, MotionCommand
 from are_ros.agents.local_planner.planner import LocalPlanner
 from are_ros.agents.table import AgentTable
 from are_ros.population.artefact import GroundPose

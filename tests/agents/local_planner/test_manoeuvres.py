@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from are_ros.agents.local_planner.body import Body, MotionCommand
+from are_ros.agents.body import Body, MotionCommand
 from are_ros.agents.local_planner.primitives import point_ahead, way_left
 from are_ros.agents.local_planner.state import NEVER
 from tests.agents.local_planner.streets import (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from are_ros.agents.local_planner.body import STAND, Body, MotionCommand
+from are_ros.agents.body import STAND, Body, MotionCommand
 from are_ros.agents.local_planner.planner import Obstruction
 from are_ros.builder.files.catalogue_file import read_catalogue
 from are_ros.world.boxes import overlaps_any

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from are_ros.agents.body import PLANNERS, Body, MotionCommand
 from are_ros.agents.local_planner import proposals as _proposals
 from are_ros.agents.local_planner import state as _state
-from are_ros.agents.local_planner.body import PLANNERS, Body, MotionCommand
 from are_ros.agents.local_planner.planner import Obstruction
 from are_ros.agents.local_planner.robot import RobotMotion, robot_path
 from are_ros.agents.local_planner.rollouts import GOING, PlanningGoal

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from are_ros.agents.body import Body
 from are_ros.agents.local_planner import rollouts as _rollouts
 from are_ros.agents.local_planner import state as _state
-from are_ros.agents.local_planner.body import Body
 from are_ros.agents.local_planner.primitives import way_left
 from are_ros.agents.local_planner.rollouts import (
     ARC_TO_POINT,

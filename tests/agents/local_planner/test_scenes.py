@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from are_ros.agents.local_planner.body import PLANNERS, Body, MotionCommand
+from are_ros.agents.body import PLANNERS, Body, MotionCommand
 from are_ros.agents.local_planner.planner import Obstruction
 from are_ros.agents.local_planner.robot import RobotMotion
 from are_ros.agents.navigation.terrain import Terrain

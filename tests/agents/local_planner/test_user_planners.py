@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from are_ros.agents.local_planner.body import PLANNERS
+from are_ros.agents.body import PLANNERS
 from are_ros.agents.local_planner.robot import RobotMotion
 from are_ros.agents.local_planner.user_planners import why_not
 from are_ros.errors import BehaviourError

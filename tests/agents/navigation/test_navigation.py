@@ -13,8 +13,8 @@ from scipy import stats
 
 from are_ros.agents.behaviours.repertoire import Repertoire
 from are_ros.agents.behaviours.situation import Intent, Neighbour, Point, RobotView, Standing, stand
+from are_ros.agents.body import Body
 from are_ros.agents.decision import AgentState
-from are_ros.agents.local_planner.body import Body
 from are_ros.agents.mdp.routes import AHEAD
 from are_ros.agents.mdp.value_tables import SWEPT_EPOCHS, ValueTables
 from are_ros.agents.navigation.destinations import Destinations

@@ -11,7 +11,7 @@ import trimesh
 import yaml
 
 from are_ros.agents.behaviours.registry import BEHAVIOURS
-from are_ros.agents.local_planner.body import PLANNERS
+from are_ros.agents.body import PLANNERS
 from are_ros.builder.files.catalogue_file import (
     _METRES,
     _ROW_KEYS,

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from are_ros.agents.local_planner.body import Body
+from are_ros.agents.body import Body
 from are_ros.agents.mdp.coarse_map import CoarseMaps, rounded_up_m
 from are_ros.agents.navigation.profile import NavigationProfile
 from are_ros.agents.navigation.terrain import Terrains
