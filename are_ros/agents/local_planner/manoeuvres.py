@@ -17,6 +17,7 @@ from are_ros.agents.local_planner.primitives import (
     FORWARD,
     REVERSE_PRICE,
     REVERSE_SHARE,
+    arc_and_tangent,
     point_ahead,
     set_option,
     ways_left,
@@ -102,12 +103,9 @@ def _is_open(
     sense = 1.0 if forward <= back or point[2] > 0.0 else -1.0
     ahead, aside = sense * (dx * pose[COS] + dy * pose[SIN]), dy * pose[COS] - dx * pose[SIN]
     side, aside = (1.0 if aside > 0.0 else -1.0), abs(aside)
-    square = ahead * ahead + (radius - aside) ** 2 - radius * radius
-    if square < 0.0:
+    before, arc, tangent = arc_and_tangent(ahead, aside, radius)
+    if before > 0.0:
         return False, False
-    tangent = np.sqrt(square)
-    angle = math.atan2(ahead, radius - aside) - math.atan2(tangent, radius)
-    arc = radius * (angle + 2.0 * np.pi if angle < -1e-9 else max(angle, 0.0))
     last, bend = path.shape[0] - 1, side / radius
     spacing = (arc + max(min(tangent - point[2], reach), 0.0)) / last
     for k in range(1, last + 1):

@@ -13,7 +13,7 @@ from are_ros.agents.local_planner.gaps import (
     separation,
     turns_among,
 )
-from are_ros.agents.local_planner.primitives import cheapest
+from are_ros.agents.local_planner.primitives import BACKS_OFF_AFTER, cheapest
 from are_ros.agents.local_planner.proposals import keep_to_way, propose
 from are_ros.agents.local_planner.robot import robot_cost
 from are_ros.agents.local_planner.rollouts import (
@@ -196,7 +196,6 @@ def assess(
 REPLAN = 10
 """Sub-steps from one plan to the next, unless something changes before."""
 _WORTH_IT = 0.02
-_BACKS_OFF_AFTER = 3.0
 _AHEAD = 0.5  # cosine
 
 
@@ -325,7 +324,7 @@ def plan(
     near = find_neighbours(buckets, agents, i, pose, reach_of(body, timing), now, workspace)
     # a walker steps back if it is blocked where walls or others keep it from turning
     backs_off = body.turn_radius == 0.0 and pose[SPEED] <= 0.0
-    backs_off = backs_off and (memory.blocked > _BACKS_OFF_AFTER or memory.gear < 0)
+    backs_off = backs_off and (memory.blocked > BACKS_OFF_AFTER or memory.gear < 0)
     backs_off = backs_off and not (
         turns_freely(pose, body, floor) and turns_among(agents, i, pose, now, workspace, near)
     )
@@ -333,7 +332,7 @@ def plan(
     options = propose(agents, i, aim, pose, now, timing, floor, robot, workspace, near, backs_off)
     wall_gap = wall_gap_wanted(pose, body, command.wall_comfort, floor, workspace.box)
     is_aside = np.cos(aim.heading) * pose[COS] + np.sin(aim.heading) * pose[SIN] < _AHEAD
-    is_stuck = memory.blocked > _BACKS_OFF_AFTER
+    is_stuck = memory.blocked > BACKS_OFF_AFTER
     keeps_way = command.planner == PATH_FOLLOWING and body.turn_radius > 0.0
     keeps_way = keeps_way and aim.kind != PUSHED
     keeps_way = keeps_way and not (is_stuck and memory.obstruction <= BY_WALL)  # by nobody

@@ -48,7 +48,8 @@ REVERSE_SHARE = 0.5
 _BENDS = np.array([0.0, -0.3, 0.3, -0.6, 0.6, -1.0, 1.0])
 FORWARD = np.array([1.0, 0.6, 0.3, 0.12, 0.04])  # the last: a decimetre, to shunt in a slot
 _BACKWARD = np.array([-1.0, -0.5, -0.2, -0.07])
-_BACKS_AFTER = 3.0
+BACKS_OFF_AFTER = 3.0
+"""An agent that has been blocked for so long [s] may go back."""
 _LOOK_AHEAD = 4.0  # turning radii
 REVERSE_PRICE = 2.0
 """The price of a metre in reverse, in metres."""
@@ -60,17 +61,21 @@ _BEND_CHANGE = 0.04
 
 
 @borrowing
-def _way(x: float, y: float, radius: float) -> float:
-    """Return the way [m] to a point so far ahead and aside: an arc, then its tangent."""
+def arc_and_tangent(x: float, y: float, radius: float) -> tuple[float, float, float]:
+    """Return the way to a point so far ahead and aside [m]: what comes before, arc, and tangent.
+
+    Something comes before only if the point is inside the turning circle: it is first brought onto
+    it by going back.
+    """
     before, square = 0.0, x * x + (radius - y) ** 2 - radius * radius
-    if square < 0.0:  # inside the turning circle: it is first brought onto it by going back
+    if square < 0.0:
         back = np.sqrt(max(radius * radius - (radius - y) ** 2, 0.0)) - x
         before, x, square = REVERSE_PRICE * back + 0.1 * radius, x + back, 0.0
     tangent = np.sqrt(square)
     angle = math.atan2(x, radius - y) - math.atan2(tangent, radius)
     if angle < -1e-9:
         angle += 2.0 * np.pi
-    return float(before + radius * max(angle, 0.0) + tangent)
+    return float(before), float(radius * max(angle, 0.0)), float(tangent)
 
 
 @borrowing
@@ -84,8 +89,10 @@ def ways_left(
     c, s = np.cos(yaw), np.sin(yaw)
     dx, dy = goal_x - x, goal_y - y
     ahead, aside = dx * c + dy * s, abs(dy * c - dx * s)
-    back = REVERSE_PRICE * _way(-ahead, aside, radius) + 0.1 * radius
-    return _way(ahead, aside, radius), float(back)
+    before, arc, tangent = arc_and_tangent(-ahead, aside, radius)
+    back = REVERSE_PRICE * (before + arc + tangent) + 0.1 * radius
+    before, arc, tangent = arc_and_tangent(ahead, aside, radius)
+    return float(before + arc + tangent), float(back)
 
 
 @borrowing
@@ -166,7 +173,7 @@ def vehicle_options(
     radius = TIGHTEST * body.turn_radius
     full, point = aim.speed * duration, point_ahead(pose, command, memory, radius)
     for factors in (FORWARD, _BACKWARD):
-        if factors[0] < 0.0 and is_open and memory.blocked < _BACKS_AFTER:
+        if factors[0] < 0.0 and is_open and memory.blocked < BACKS_OFF_AFTER:
             break
         for bend in _BENDS:
             for factor in factors:

@@ -99,6 +99,7 @@ def propose(
     if is_held or aim.kind == PUSHED:
         planner = DYNAMIC_WINDOW
     if planner == WISHES:
+        memory.leg = 0  # such a planner drives no manoeuvre
         return _wished(options, workspace.wishes[i], aim, pose, body, timing)
     if body.turn_radius > 0.0:
         left, is_open = begin_leg(agents, i, aim, pose, now, timing, floor, workspace)
