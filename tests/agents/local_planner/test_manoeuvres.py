@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from are_ros.agents.body import Body, MotionCommand
 from are_ros.agents.local_planner.primitives import point_ahead, way_left
 from are_ros.agents.local_planner.state import NEVER
+from tests.agents.local_planner.own_planners import MODULE
 from tests.agents.local_planner.streets import (
     CAR,
     SCOOTER,
@@ -103,6 +104,18 @@ def test_out_of_a_slot_a_vehicle_backs_as_far_as_it_must() -> None:
     assert street.distance(1) < 4.0
     assert shunts(ways_m) <= 2
     assert -ways_m[ways_m < 0.0].sum() < 16.0
+
+
+def test_a_planner_of_a_user_drives_no_manoeuvre() -> None:
+    """A vehicle that gets one in the middle of a manoeuvre is in none from then on."""
+    street = Street(environment(room(60.0, 8.0)))
+    street.add(1, 30.0, 4.0, 0.0, CAR)
+    go_on(street, (5.0, 4.0))
+    street.run(1.0)
+    assert street.planner.is_manoeuvring(0)
+    street.send(1, 5.0, 4.0, planner=f"{MODULE}:Sideways")
+    street.run(1.0)
+    assert not street.planner.is_manoeuvring(0)
 
 
 def test_a_leg_is_open_to_its_end_and_is_driven_as_it_was_found() -> None:
