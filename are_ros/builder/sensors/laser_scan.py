@@ -48,15 +48,27 @@ class LaserScan:
         """Return this scan, or raise InputError with `source`, field and reason.
 
         Refused: an empty frame, an angle, a time or a range_min that is not finite, an increment of
-        0, a negative range_min or one above range_max (which may be infinite), no beam, intensities
-        of another length, and an angle_max that does not fit the count. Drivers disagree whether
-        angle_max is the last beam or one past it, and some round: the count may be off by up to
-        one beam either way from what the angles say.
+        0, a negative range_min or one above range_max (which may be infinite), no beam, and
+        intensities of another length. An angle_max that does not fit is not: see `misfit`.
         """
         reason = self._why_refused()
         if reason is not None:
             raise InputError(f"{source}: {reason}")
         return self
+
+    @property
+    def misfit(self) -> str:
+        """How the count of ranges differs from what the angles say, in words; empty if it fits.
+
+        Drivers disagree whether angle_max is the last beam or one past it, and some round: a beam
+        more or less fits. Nothing depends on it, as laser_geometry and AMCL do not use angle_max.
+        """
+        first, last, step = self.angle_min_rad, self.angle_max_rad, self.angle_increment_rad
+        count, expected = len(self.ranges), (last - first) / step + 1.0
+        if abs(expected - count) <= 1.5:
+            return ""
+        angles = f"{first:.6g} to {last:.6g} by {step:.6g}"
+        return f"ranges has {count} values, and {angles} gives {expected:.1f}"
 
     @classmethod
     def miniature(cls, frame_id: str, stamp_ns: int) -> "LaserScan":
@@ -128,12 +140,6 @@ class LaserScan:
             return "ranges is empty"
         if extra not in {0, count}:
             return f"intensities has {extra} values, and ranges {count}"
-        span = self.angle_max_rad - self.angle_min_rad
-        expected = span / self.angle_increment_rad + 1.0
-        if abs(expected - count) > 1.5:
-            angles = f"{self.angle_min_rad} to {self.angle_max_rad}"
-            step = f"{self.angle_increment_rad}"
-            return f"ranges has {count} values, and {angles} by {step} gives {expected:.1f}"
         return None
 
 

@@ -28,6 +28,7 @@ from are_ros.bag.stretches import (
     stretches_of,
     wait_sentence,
 )
+from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.images.image import read_camera_info
@@ -74,7 +75,7 @@ class Inspection:
     `base_frame` is "" where none was found. `missing` has a sentence with the option for each input
     that a replay needs or could use; it is empty for a recording that can be replayed as it is.
     `sensors` are the topics that the user names for each sensor's role. `time` has sentences about
-    the clock, the gaps and late transforms.
+    the clock, the gaps and late transforms, `misfits` about scans whose angles do not fit.
     """
 
     start_ns: int
@@ -87,6 +88,7 @@ class Inspection:
     base_frame: str
     missing: tuple[str, ...]
     time: tuple[str, ...] = ()
+    misfits: tuple[str, ...] = ()
 
 
 def inspect_bag(
@@ -162,6 +164,7 @@ def inspect_bag(
             *filter(None, (clock.sentence, clock.disagreement, trouble)),
             *(sentence for sentence, is_known in waits if is_known),
         ),
+        tuple(_misfits(reader, role_of_topic)),
     )
 
 
@@ -451,6 +454,19 @@ def _missing_readings(reader: BagReader, sensors: Mapping[str, str]) -> Iterable
                 yield f"the first {noun_of(kind.role)} is of no use: {cause}"
 
 
+def _misfits(reader: BagReader, sensors: Mapping[str, str]) -> Iterable[str]:
+    """Say of which scans the first has an angle_max that does not fit: some programs drop these."""
+    for topic, kind in sensor_topics(sensors).items():
+        first = reader.first(topic)
+        with suppress(AreError):  # `_missing_readings` says so
+            reading = None if first is None else kind.read(reader.deserialize(first), topic)
+            if isinstance(reading, LaserScan) and reading.misfit:
+                yield (
+                    f"the first scan of {topic}: {reading.misfit}; its beams go by angle_min and"
+                    " angle_increment, as for Nav2; SLAM Toolbox drops such scans"
+                )
+
+
 def _missing_stamps(times: RecordedTimes) -> Iterable[str]:
     """Say which readings and moving transforms were stamped 0, always or for a time."""
     several = [one for one in (*times.scans.values(), *times.edges.values()) if len(one.log_ns) > 1]
@@ -518,6 +534,7 @@ def inspection_lines(inspection: Inspection, map_file: Path | None = None) -> li
 def _said_of_roles(inspection: Inspection) -> Iterable[str]:
     """Return the notices on the roles, and which readings are left as they are."""
     yield from inspection.roles.sentences(silent=_BY_NAME - inspection.sensors.keys())
+    yield from inspection.misfits
     played = {_players(inspection, role) for role in ROLE_TYPES}
     used = {name for names in played for name in names.split(", ")}
     for role, kind in SENSORS.items():

@@ -40,9 +40,26 @@ def test_a_scan_is_a_value() -> None:
 
 
 @pytest.mark.parametrize("count", [4, 5, 6])
-def test_a_count_off_by_one_is_accepted(count: int) -> None:
+def test_a_count_off_by_one_fits(count: int) -> None:
     """Drivers disagree whether angle_max is the last beam or one past it."""
-    assert replace(SCAN, ranges=np.ones(count, dtype=np.float32)).checked()
+    scan = replace(SCAN, ranges=np.ones(count, dtype=np.float32)).checked()
+    assert not scan.misfit
+
+
+@pytest.mark.parametrize(
+    ("scan", "sentence"),
+    [
+        (replace(SCAN, angle_max_rad=2.0), "ranges has 5 values, and -1 to 2 by 0.5 gives 7.0"),
+        (replace(SCAN, angle_increment_rad=-0.5), "ranges has 5 values, and -1 to 1 by -0.5 gives"),
+    ],
+)
+def test_an_angle_max_that_does_not_fit_is_said_and_not_used(
+    scan: LaserScan, sentence: str
+) -> None:
+    """Beams go by angle_min and the increment; the message keeps the angle_max that it had."""
+    assert scan.checked().misfit.startswith(sentence)
+    angles = -1.0 + scan.angle_increment_rad * np.arange(5)
+    np.testing.assert_allclose(scan.directions()[:, 1], np.sin(angles), atol=1e-15)
 
 
 def test_a_scan_may_turn_the_other_way_and_see_without_end() -> None:
@@ -60,8 +77,6 @@ def test_a_scan_may_turn_the_other_way_and_see_without_end() -> None:
         (replace(SCAN, angle_max_rad=math.inf), "front: angle_max is inf"),
         (replace(SCAN, time_increment_s=math.nan), "front: time_increment is nan"),
         (replace(SCAN, angle_increment_rad=0.0), "front: angle_increment is 0"),
-        (replace(SCAN, angle_increment_rad=-0.5), "front: ranges has 5 values, and -1.0 to 1.0"),
-        (replace(SCAN, angle_max_rad=2.0), "front: ranges has 5 values, and -1.0 to 2.0 by 0.5"),
         (replace(SCAN, range_min_m=11.0), "front: range_min is 11.0 and range_max 10.0"),
         (replace(SCAN, range_min_m=-0.1), "front: range_min is -0.1"),
         (replace(SCAN, range_max_m=math.nan), "front: range_min is 0.1 and range_max nan"),

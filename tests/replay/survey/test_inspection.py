@@ -105,6 +105,22 @@ def test_a_complete_recording_lacks_nothing(complete: Path) -> None:
     )
 
 
+def test_a_scan_whose_angles_do_not_fit_is_said_and_can_be_replayed(
+    complete: Path, tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """SLAM Toolbox drops what Nav2 takes: the user is told, and nothing is missing."""
+    assert inspected(complete, map_frame="earth").misfits == ()
+    odd = scan(factory, S)
+    odd.angle_max = 3.0
+    inspection = inspected(write_bag(tmp_path / "odd.mcap", [("/front", S, odd)]))
+    (sentence,) = inspection.misfits
+    assert sentence.startswith(
+        "the first scan of /front: ranges has 2 values, and 0 to 3 by 0.5 gives 7.0; its beams go"
+    )
+    assert any(sentence in line for line in inspection_lines(inspection))
+    assert not any("of no use" in missing for missing in inspection.missing)
+
+
 def test_a_map_in_another_frame_is_said(complete: Path) -> None:
     """A replay would refuse it: the option that names its frame is given, and ends the word."""
     (sentence,) = inspected(complete).missing
