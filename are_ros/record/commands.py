@@ -34,7 +34,7 @@ def play_command(say: Say, remaps: Sequence[str], **options: Any) -> bool:
 
 
 def record_command(say: Say, **options: Any) -> bool:
-    """Run `are record`; return whether nothing was lost."""
+    """Run `are record`; return whether something is recorded, and nothing was lost."""
     with stop_on_signals(is_last=False) as stop:
         ready = "recording; Ctrl-C ends it"
         outcome = record(RecordOptions(**options), say, lambda: say(ready), stop.should_stop)
@@ -43,7 +43,7 @@ def record_command(say: Say, **options: Any) -> bool:
     for sentence in outcome.sentences():
         say(sentence)
     say(f"{outcome.file}: {outcome.file_bytes / 1e6:.1f} MB")
-    return not (outcome.skipped or outcome.missed or outcome.dropped)
+    return bool(outcome.counts) and not (outcome.skipped or outcome.missed or outcome.dropped)
 
 
 def demo_command(
