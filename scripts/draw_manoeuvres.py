@@ -12,6 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
+from PIL import Image
 
 from are_ros.agents.body import Body, MotionCommand
 from are_ros.agents.local_planner.planner import LocalPlanner
@@ -116,12 +117,12 @@ def draw(axes: Any, scene: Scene, track: Floats, body: Body) -> None:
     axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xticks=[], yticks=[])
     width_m, depth_m = scene.size_m
     axes.set_facecolor(hex_of(BAR))
-    for (left, low, right, high), colour in [
+    for (left, low, right, high), shade in [
         ((0.1, 0.1, width_m - 0.1, depth_m - 0.1), WHITE),
         *((box, BAR) for box in scene.walls),
     ]:
         across, up = (left, right, right, left), (low, low, high, high)
-        axes.fill(across, up, facecolor=hex_of(colour), linewidth=0.0)
+        axes.fill(across, up, facecolor=hex_of(shade), linewidth=0.0)
     for corners, is_back in outlines(track, body):
         colour = hex_of(LAW if is_back else ROBOT)
         axes.fill(*corners.T, facecolor=colour, edgecolor=colour, alpha=0.12, linewidth=0.0)
@@ -138,7 +139,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=PROJECT / "docs" / "images")
     row = next(one for one in read_catalogue().rows if one.label == LABEL)
     body = Body.of(row)
-    with written_figure(parser.parse_args().out / "manoeuvres.png", (9.0, 5.7)) as figure:
+    path = parser.parse_args().out / "manoeuvres.png"
+    with written_figure(path, (9.0, 5.7)) as figure:
         for k, scene in enumerate(SCENES):
             x_m, y_m, yaw_rad = scene.start
             pose = GroundPose(x_m, y_m, 0.0, yaw_rad)
@@ -146,6 +148,8 @@ def main() -> None:
             axes = figure.add_subplot(2, 2, k + 1)
             draw(axes, scene, drive(scene, car, body), body)
         figure.subplots_adjust(0.01, 0.01, 0.99, 0.95, 0.03, 0.12)
+    with Image.open(path) as picture:
+        picture.convert("RGB").quantize(64, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
 if __name__ == "__main__":
