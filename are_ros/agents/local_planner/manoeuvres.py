@@ -1,9 +1,11 @@
 """Manoeuvres of a vehicle: how it turns round where the way ahead is not open.
 
-The way ahead is the shortest one: an arc, then its tangent. Where walls are on it, a search (A*)
-over legs of the tightest curvature and straight ones, forward and in reverse, finds the cheapest
-that lead to a pose from where it is open. The vehicle drives them one after the other, until the
-way is open or its goal lies elsewhere. Others are not looked at: it waits for them on its leg.
+The way ahead is the shortest one: an arc, then its tangent. Where walls are on it, or others that
+stand on the arc, a search (A*) over legs of the tightest curvature and straight ones, forward and
+in reverse, finds the cheapest that lead to a pose from where it is open. The vehicle drives them
+one after the other, until the way is open or its goal lies elsewhere. It waits for who moves or is
+about to; if that lasts, it searches again. Those that stand are left out only where nothing is
+found among them: some of them can be pushed.
 """
 
 import math
@@ -13,7 +15,9 @@ import numpy as np
 
 from are_ros._compiled import borrowing, owning
 from are_ros.agents.body import TIGHTEST
+from are_ros.agents.local_planner.gaps import gap_between, separation
 from are_ros.agents.local_planner.primitives import (
+    BACKS_OFF_AFTER,
     FORWARD,
     REVERSE_PRICE,
     REVERSE_SHARE,
@@ -24,6 +28,7 @@ from are_ros.agents.local_planner.primitives import (
 )
 from are_ros.agents.local_planner.rollouts import ARC_TO_POINT, BRAKE, GOING, PlanningGoal, wrapped
 from are_ros.agents.local_planner.state import (
+    BY_ARTEFACT,
     COS,
     NEVER,
     SIN,
@@ -31,6 +36,7 @@ from are_ros.agents.local_planner.state import (
     AgentArrays,
     ClearanceLayer,
     Floats,
+    Integers,
     PlannerTiming,
     Workspace,
     X,
@@ -50,6 +56,8 @@ _LEAST_LEFT, _MOST_LEFT = 0.03, 1.0  # of the turning radius
 _OFF_M, _OFF = 0.3, -1e3  # farther aside than this, a vehicle is off its leg
 _TURNED = 0.8  # a goal elsewhere by this angle ends the leg
 _AGAIN_S = 2
+_PAST_ARC, _LEAST_ARC = 0.3, 0.5  # in turning radii; the dynamic window passes who is ahead
+_AMONG, _AMONG_REACH, _PATIENCE_S = 4.0, 3.0, 2.0  # if it cannot: in radii, after a while
 _MOST_STEPS, _DIGITS = 24, 6**24  # of a manoeuvre that is kept, as a number to the base of 6
 
 
@@ -83,19 +91,55 @@ def _is_free(
 
 
 @borrowing
+def _find_standing(
+    agents: AgentArrays, i: int, now: int, pose: Floats, reach: float, standing: Integers
+) -> int:
+    """Write the other rows that stand without a goal within `reach`; return how many they are."""
+    count = 0
+    for j in range(agents.place.shape[0]):
+        place = agents.place[j]
+        if j == i or now - place.begin < place.last or agents.command[j].has_goal == 1:
+            continue
+        dx, dy, far = place.x - pose[X], place.y - pose[Y], place.reach + reach
+        if dx * dx + dy * dy < far * far:
+            standing[count] = j
+            count += 1
+    return count
+
+
+@borrowing
+def _is_clear(
+    path: Floats, last: int, body: Any, pace: float, agents: AgentArrays, standing: Integers
+) -> bool:
+    """Tell whether a path meets none of those rows that stand, with a margin as for walls."""
+    for j in standing:
+        other, end = agents.body[j], agents.place[j].last
+        gap = max(separation(path[0], body, agents.path[j, end], other), 0.0)
+        wanted = min(gap, _MARGIN_M)
+        gap, k = gap_between(
+            path, last, body, agents.path[j], end, end, other, wanted, pace, NEVER, path[last]
+        )
+        if k != NEVER or gap < wanted:
+            return False
+    return True
+
+
+@borrowing
 def _is_open(
     path: Floats,
     point: tuple[float, float, float],
-    reach: float,
+    reaches: tuple[float, float],
     radius: float,
     body: Any,
     floor: ClearanceLayer,
     box: Floats,
-) -> tuple[bool, bool]:
-    """Tell whether the shortest way from pose 0 of a path to a point is open, and leads forward.
+    agents: AgentArrays,
+    standing: Integers,
+) -> tuple[bool, bool, bool]:
+    """Tell whether walls, and then others, leave open the shortest way from pose 0 to a point.
 
-    Looked at are its arc, and its tangent as far as the sub-goal, or `reach`. A way that goes on
-    leads forward. The path is written into.
+    And whether it leads forward, as one does that goes on. Looked at are its arc, and its tangent
+    up to the sub-goal, or to `reaches`: for walls, for others. The path is written into.
     """
     pose = path[0]
     dx, dy = point[0] - pose[X], point[1] - pose[Y]
@@ -105,9 +149,9 @@ def _is_open(
     side, aside = (1.0 if aside > 0.0 else -1.0), abs(aside)
     before, arc, tangent = arc_and_tangent(ahead, aside, radius)
     if before > 0.0:
-        return False, False
-    last, bend = path.shape[0] - 1, side / radius
-    spacing = (arc + max(min(tangent - point[2], reach), 0.0)) / last
+        return False, False, False
+    last, bend, tangent = path.shape[0] - 1, side / radius, max(tangent - point[2], 0.0)
+    spacing = (arc + min(tangent, max(reaches[0], reaches[1]))) / last
     for k in range(1, last + 1):
         way = spacing * k
         _move(path, k, bend, sense * min(way, arc))
@@ -115,7 +159,13 @@ def _is_open(
             path[k, X] += sense * (way - arc) * path[k, COS]
             path[k, Y] += sense * (way - arc) * path[k, SIN]
     pace = spacing * (1.0 + body.radius / radius)
-    return _is_free(path, last, body, pace, floor, box), sense > 0.0
+    to_wall, to_others = arc + min(tangent, reaches[0]), arc + min(tangent, reaches[1])
+    end = min(int(np.ceil(to_wall / max(spacing, 1e-9))), last)
+    is_open, is_clear = _is_free(path, end, body, pace, floor, box), True
+    if arc > _LEAST_ARC * radius or reaches[1] > radius:
+        end = min(int(np.ceil(to_others / max(spacing, 1e-9))), last)
+        is_clear = _is_clear(path, end, body, pace, agents, standing)
+    return is_open, is_clear, sense > 0.0
 
 
 @borrowing
@@ -128,12 +178,14 @@ def _meaning(option: int, radius: float) -> tuple[int, float]:
 def _find_manoeuvre(
     path: Floats,
     point: tuple[float, float, float],
-    reach: float,
+    reaches: tuple[float, float],
     radius: float,
     gear: int,
     body: Any,
     floor: ClearanceLayer,
     box: Floats,
+    agents: AgentArrays,
+    standing: Integers,
 ) -> tuple[int, int]:
     """Return the cheapest manoeuvre from pose 0: how many steps, and their digits, the first last.
 
@@ -148,7 +200,12 @@ def _find_manoeuvre(
     least = np.full((2, _YAWS, _CELLS, _CELLS), np.inf)
     _copy(poses, 0, path, 0)
     gears[0], n, count, manoeuvre = gear, 0, 1, 0
-    while n == 0 or not _is_open(path, point, reach, radius, body, floor, box)[0]:
+    while True:
+        is_open, is_clear, _ = _is_open(
+            path, point, reaches, radius, body, floor, box, agents, standing
+        )
+        if n > 0 and is_open and is_clear:
+            break
         for option in range(6):
             sense, bend = _meaning(option, radius)
             for k in range(1, _POSES + 1):
@@ -163,8 +220,10 @@ def _find_manoeuvre(
             cost += _SHUNT * radius if sense * gears[n] < 0 else 0.0
             cost += _STEER * radius if bend != bends[n] else 0.0
             pace = step / _POSES * (1.0 + body.radius / radius)
-            if cost >= least[option // 3, turn, row, col] - 1e-9 or not _is_free(
-                path, _POSES, body, pace, floor, box
+            if (
+                cost >= least[option // 3, turn, row, col] - 1e-9
+                or not _is_free(path, _POSES, body, pace, floor, box)
+                or not _is_clear(path, _POSES, body, pace, agents, standing)
             ):
                 continue
             least[option // 3, turn, row, col] = cost
@@ -227,27 +286,42 @@ def begin_leg(
     # a way that ends here is looked at to its end, another one goes on
     is_end = command.stops == 1 or memory.passed_at != NEVER
     reach = away if is_end and away < _CELLS * _CELL * radius else radius
-    is_open, leads_ahead = _is_open(path, point, reach, radius, body, floor, box)
+    standing, again = workspace.standing, _AGAIN_S * timing.second
+    standing = standing[: _find_standing(agents, i, now, pose, _AMONG * radius, standing)]
+    waits = memory.obstruction == BY_ARTEFACT and memory.blocked > _PATIENCE_S
+    reaches = reach, _AMONG_REACH * radius if waits or leg != 0 else _PAST_ARC * radius
+    is_open, is_clear, leads_ahead = _is_open(
+        path, point, reaches, radius, body, floor, box, agents, standing
+    )
     left, is_elsewhere = 0.0, abs(wrapped(heading - memory.leg_heading)) > _TURNED
-    if leg != 0 and not (leg > 0 and is_open):
+    is_held = memory.obstruction == BY_ARTEFACT and memory.blocked > BACKS_OFF_AFTER
+    is_over = is_elsewhere or (is_held and now >= memory.leg_search + again)
+    if leg != 0 and not (leg > 0 and is_open and is_clear):
         left = _left_of(pose, memory, leg)
-        if left > _LEAST_LEFT * radius and not is_elsewhere:
+        if left > _LEAST_LEFT * radius and not is_over:
             memory.leg = leg
             return left, False
-    if is_open:
+    if is_open and is_clear:
         return 0.0, leads_ahead
-    if leg == 0 or memory.steps == 0 or left == _OFF or is_elsewhere:
+    if leg == 0 or memory.steps == 0 or left == _OFF or is_over:
         if now < memory.leg_search:
-            return 0.0, False
-        memory.leg_search = now
-        memory.steps, memory.manoeuvre = _find_manoeuvre(
-            path, point, reach, radius, memory.gear, body, floor, box
-        )
-        memory.leg_heading = heading
-        _copy(path, 0, workspace.paths[0], 0)  # the search has used it
+            return 0.0, is_open and leads_ahead
+        memory.leg_search, memory.leg_heading, memory.steps = now, heading, 0
+        for among in (standing, standing[:0]):
+            if memory.steps == 0 and not (is_open and among.shape[0] == 0):
+                memory.steps, memory.manoeuvre = _find_manoeuvre(
+                    path, point, reaches, radius, memory.gear, body, floor, box, agents, among
+                )
+                _copy(path, 0, workspace.paths[0], 0)  # the search has used it
         if memory.steps == 0:
-            memory.leg_search = now + _AGAIN_S * timing.second
-            return 0.0, False
+            memory.leg_search = now + again
+            return 0.0, is_open and leads_ahead
+    return _next_leg(path, memory, radius), False
+
+
+@borrowing
+def _next_leg(path: Floats, memory: Any, radius: float) -> float:
+    """Begin the next leg of a manoeuvre at pose 0 of a path; return its length [m]."""
     option, count = memory.manoeuvre % 6, 0
     while memory.steps > 0 and memory.manoeuvre % 6 == option:
         memory.manoeuvre, memory.steps, count = memory.manoeuvre // 6, memory.steps - 1, count + 1
@@ -256,7 +330,7 @@ def begin_leg(
     _move(path, 1, bend, gear * left)
     memory.leg, memory.leg_bend, memory.credit = gear, bend, max(memory.credit, 0.0)
     memory.leg_x, memory.leg_y, memory.leg_yaw = path[1, X], path[1, Y], path[1, YAW]
-    return float(left), False
+    return float(left)
 
 
 @borrowing

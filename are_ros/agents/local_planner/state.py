@@ -181,14 +181,16 @@ class SpatialHash(NamedTuple):
 class Workspace(NamedTuple):
     """Scratch: two paths (2, K, 6), neighbours and the gaps wanted from them, primitives (M, 5).
 
-    And marks of the rows that a search has met, counters, a packed box, a point; and the wishes of
-    user-defined planners by row (N, MOST_WISHES, 2): heading [rad] and speed [m/s], nan: no more.
+    And marks of the rows that a search has met, rows that stand, counters, a packed box, a point;
+    and the wishes of user-defined planners by row (N, MOST_WISHES, 2): heading [rad] and speed
+    [m/s], nan: no more.
     """
 
     paths: Floats
     near: Integers
     wanted: Floats
     seen: Integers
+    standing: Integers
     options: Floats
     counters: Integers
     box: Floats
@@ -231,6 +233,7 @@ def workspace_of(capacity: int, length: int) -> Workspace:
         np.zeros((2, length, 6)),
         np.zeros(capacity, np.int64),
         np.zeros(capacity),
+        np.zeros(capacity, np.int64),
         np.zeros(capacity, np.int64),
         np.zeros((160, 5)),
         np.zeros(4, np.int64),
