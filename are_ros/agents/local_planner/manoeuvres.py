@@ -4,8 +4,8 @@ The way ahead is the shortest one: an arc, then its tangent. Where walls are on 
 stand on the arc, a search (A*) over legs of the tightest curvature and straight ones, forward and
 in reverse, finds the cheapest that lead to a pose from where it is open. The vehicle drives them
 one after the other, until the way is open or its goal lies elsewhere. It waits for who moves or is
-about to; if that lasts, it searches again. Those that stand are left out only where nothing is
-found among them: some of them can be pushed.
+about to; if that lasts, it searches again. Where those that stand leave it no manoeuvre, it waits
+for them.
 """
 
 import math
@@ -31,6 +31,7 @@ from are_ros.agents.local_planner.state import (
     BY_ARTEFACT,
     COS,
     NEVER,
+    PATH_FOLLOWING,
     SIN,
     YAW,
     AgentArrays,
@@ -94,8 +95,13 @@ def _is_free(
 def _find_standing(
     agents: AgentArrays, i: int, now: int, pose: Floats, reach: float, standing: Integers
 ) -> int:
-    """Write the other rows that stand without a goal within `reach`; return how many they are."""
+    """Write the other rows that stand without a goal within `reach`; return how many they are.
+
+    None for a vehicle with path_following, which goes round nobody.
+    """
     count = 0
+    if agents.command[i].planner == PATH_FOLLOWING:
+        return count
     for j in range(agents.place.shape[0]):
         place = agents.place[j]
         if j == i or now - place.begin < place.last or agents.command[j].has_goal == 1:
@@ -272,14 +278,15 @@ def begin_leg(
 ) -> tuple[float, bool]:
     """Return how much [m] is left of the leg that vehicle i has to drive, 0 if it has none.
 
-    Then whether it has none as its way is open, and leads forward. Pose 0 of both scratch paths is
-    that of the vehicle.
+    Then whether it may go back without one: not where its way is open and leads forward, unless
+    others have blocked it for long, and not while those that stand leave it no manoeuvre. Pose 0 of
+    both scratch paths is that of the vehicle.
     """
     memory, command, body = agents.memory[i], agents.command[i], agents.body[i]
     box, radius, path = workspace.box, TIGHTEST * body.turn_radius, workspace.paths[1]
     leg, memory.leg = memory.leg, 0
     if aim.kind != GOING:
-        return 0.0, False
+        return 0.0, True
     point = point_ahead(pose, command, memory, radius)
     dx, dy = point[0] - pose[X], point[1] - pose[Y]
     heading, away = math.atan2(dy, dx), np.sqrt(dx * dx + dy * dy)
@@ -302,20 +309,22 @@ def begin_leg(
             memory.leg = leg
             return left, False
     if is_open and is_clear:
-        return 0.0, leads_ahead
+        memory.is_boxed_in = 0
+        return 0.0, not leads_ahead or memory.blocked >= BACKS_OFF_AFTER
     if leg == 0 or memory.steps == 0 or left == _OFF or is_over:
         if now < memory.leg_search:
-            return 0.0, is_open and leads_ahead
-        memory.leg_search, memory.leg_heading, memory.steps = now, heading, 0
-        for among in (standing, standing[:0]):
-            if memory.steps == 0 and not (is_open and among.shape[0] == 0):
-                memory.steps, memory.manoeuvre = _find_manoeuvre(
-                    path, point, reaches, radius, memory.gear, body, floor, box, agents, among
-                )
-                _copy(path, 0, workspace.paths[0], 0)  # the search has used it
+            return 0.0, memory.is_boxed_in == 0
+        memory.leg_search, memory.leg_heading = now, heading
+        args = path, point, reaches, radius, memory.gear, body, floor, box, agents
+        memory.steps, memory.manoeuvre = _find_manoeuvre(*args, standing)
+        _copy(path, 0, workspace.paths[0], 0)  # the search has used it
+        memory.is_boxed_in = memory.steps == 0 and standing.shape[0] > 0
         if memory.steps == 0:
+            if memory.is_boxed_in and not is_open:
+                memory.is_boxed_in = _find_manoeuvre(*args, standing[:0])[0] > 0
+                _copy(path, 0, workspace.paths[0], 0)
             memory.leg_search = now + again
-            return 0.0, is_open and leads_ahead
+            return 0.0, memory.is_boxed_in == 0
     return _next_leg(path, memory, radius), False
 
 

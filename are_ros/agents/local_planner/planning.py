@@ -314,7 +314,8 @@ def plan(
     pose = workspace.paths[0, 0]
     for column in range(pose.shape[0]):
         pose[column] = workspace.paths[1, 0, column] = agents.path[i, start, column]
-    if command.planner <= SOCIAL_FORCE:  # the others keep their way
+    # the others keep their way, and what is boxed in has none
+    if command.planner <= SOCIAL_FORCE and memory.is_boxed_in == 0:
         consider_detour(memory, place.id, now, timing.second)
     aim = aim_of(agents, i, pose, now, timing.second)
     is_at_rest = aim.speed <= 0.0 and np.isnan(aim.heading) and pose[SPEED] == 0.0

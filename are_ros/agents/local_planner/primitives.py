@@ -163,17 +163,14 @@ def vehicle_options(
     command: Any,
     memory: Any,
     timing: PlannerTiming,
-    is_open: bool,
+    may_back: bool,
 ) -> int:
-    """Write the primitives of a vehicle at a pose; return how many there are.
-
-    Where its way ahead `is_open`, none leads back, unless others have blocked it for long.
-    """
+    """Write the primitives of a vehicle at a pose, ahead or also back; return how many."""
     duration, count = timing.drive * timing.step_s, 0
     radius = TIGHTEST * body.turn_radius
     full, point = aim.speed * duration, point_ahead(pose, command, memory, radius)
     for factors in (FORWARD, _BACKWARD):
-        if factors[0] < 0.0 and is_open and memory.blocked < BACKS_OFF_AFTER:
+        if factors[0] < 0.0 and not may_back:
             break
         for bend in _BENDS:
             for factor in factors:

@@ -102,11 +102,11 @@ def propose(
         memory.leg = 0  # such a planner drives no manoeuvre
         return _wished(options, workspace.wishes[i], aim, pose, body, timing)
     if body.turn_radius > 0.0:
-        left, is_open = begin_leg(agents, i, aim, pose, now, timing, floor, workspace)
+        left, may_back = begin_leg(agents, i, aim, pose, now, timing, floor, workspace)
         if left > 0.0:
             return leg_options(options, memory, aim, left, body, workspace)
         command = agents.command[i]
-        return vehicle_options(options, aim, pose, body, command, memory, timing, is_open)
+        return vehicle_options(options, aim, pose, body, command, memory, timing, may_back)
     if planner == DYNAMIC_WINDOW:
         count = walker_options(options, aim, memory)
     elif planner == PATH_FOLLOWING:

@@ -105,6 +105,7 @@ MEMORY = np.dtype(
         ("manoeuvre", "i8"),  # the steps after that leg, as digits to the base of 6
         ("steps", "i8"),  # how many they are
         ("leg_search", "i8"),  # the first sub-step at which another one is searched for
+        ("is_boxed_in", "i8"),  # those that stand left it no manoeuvre
         ("passed_at", "i8"),  # the sub-step at which it passed its sub-goal
         ("obstruction", "i8"),
         ("obstructed_by", "i8"),

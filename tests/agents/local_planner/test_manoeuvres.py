@@ -7,12 +7,14 @@ import pytest
 from numpy.typing import NDArray
 
 from are_ros.agents.body import Body, MotionCommand
+from are_ros.agents.local_planner.planner import Obstruction
 from are_ros.agents.local_planner.primitives import point_ahead, way_left
 from are_ros.agents.local_planner.state import NEVER
 from tests.agents.local_planner.own_planners import MODULE
 from tests.agents.local_planner.streets import (
     CAR,
     SCOOTER,
+    STEP_S,
     Street,
     boxes_at,
     environment,
@@ -104,6 +106,67 @@ def test_out_of_a_slot_a_vehicle_backs_as_far_as_it_must() -> None:
     assert street.distance(1) < 4.0
     assert shunts(ways_m) <= 2
     assert -ways_m[ways_m < 0.0].sum() < 16.0
+
+
+PARKED = Body((2.2, 0.9), (0.0, 0.0), 1.5, 0.0)
+
+
+def among(street: Street, *poses: tuple[float, float, float], body: Body = PARKED) -> Street:
+    """Let others stand there for good."""
+    for one, pose in enumerate(poses, 2):
+        street.add(one, *pose, body)
+    return street
+
+
+@pytest.mark.parametrize(
+    ("width_m", "parked", "seconds"),
+    [
+        (9.0, [(25.0, 1.3, 0.0)], 25.0),
+        (9.0, [(27.0, 1.3, 0.0), (34.0, 7.7, 0.0)], 25.0),
+        (11.0, [(15.0 + 3.0 * k, 1.3 + 1.0, 0.5 * math.pi) for k in range(9)], 45.0),
+        (14.0, [(15.0 + 3.0 * k, 1.3 + 1.0, 0.5 * math.pi) for k in range(9)], 25.0),
+    ],
+)
+def test_a_vehicle_turns_round_among_those_that_stand(
+    width_m: float, parked: list[tuple[float, float, float]], seconds: float
+) -> None:
+    """It looks for a manoeuvre that meets none, and does not wait for them on its legs."""
+    street = among(Street(environment(room(60.0, width_m))), *parked)
+    street.add(1, 30.0, 0.5 * width_m + 0.5, 0.0, CAR)
+    go_on(street, (5.0, 0.5 * width_m))
+    waits_s = 0.0
+    while street.distance(1) > 5.0 and street.index < seconds / STEP_S:
+        street.step()
+        waits_s = max(waits_s, street.obstruction(1)[2])
+    assert street.distance(1) < 5.0
+    assert waits_s < 4.0
+
+
+def test_a_vehicle_passes_who_stands_close_ahead() -> None:
+    """The dynamic window does not get round it; a manoeuvre does."""
+    street = among(Street(environment(room(60.0, 9.0))), (12.0, 4.5, 0.3))
+    street.add(1, 6.0, 4.5, 0.0, CAR)
+    go_on(street, (55.0, 4.5))
+    while street.distance(1) > 5.0 and street.index < 35.0 / STEP_S:
+        street.step()
+    assert street.distance(1) < 5.0
+    assert shunts(driven(street.track)) <= 3
+
+
+def test_a_vehicle_that_is_boxed_in_waits_until_the_way_is_free() -> None:
+    """It does not move to and fro meanwhile, and says who is in its way."""
+    street = among(Street(environment(room(60.0, 9.0))), (10.8, 4.5, 0.5 * math.pi))
+    street.add(1, 6.0, 4.5, 0.0, CAR)
+    go_on(street, (55.0, 4.5))
+    street.run(30.0)
+    kind, who, since_s = street.obstruction(1)
+    assert (kind, who) == (Obstruction.ARTEFACT, 2)
+    assert since_s > 20.0
+    assert shunts(driven(street.track)) == 0
+    street.remove(2)
+    street.track.clear()
+    street.run(10.0)
+    assert street.pose(1)[0] > 12.0
 
 
 def test_a_planner_of_a_user_drives_no_manoeuvre() -> None:
