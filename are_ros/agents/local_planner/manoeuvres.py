@@ -242,8 +242,10 @@ def _find_manoeuvre(
         totals[n] = np.inf
         n = int(np.argmin(totals[:count]))
         if totals[n] == np.inf or count + 6 > _MOST_NODES:
-            return 0, 0
+            n = 0  # none
+            break
         _copy(path, 0, poses, n)
+    _copy(path, 0, poses, 0)
     steps = 0
     while n > 0:  # from the last to the first, which is the last digit
         manoeuvre = manoeuvre % (_DIGITS // 6) * 6 + options[n]
@@ -315,17 +317,24 @@ def begin_leg(
         if now < memory.leg_search:
             return 0.0, memory.is_boxed_in == 0
         memory.leg_search, memory.leg_heading = now, heading
-        args = path, point, reaches, radius, memory.gear, body, floor, box, agents
-        memory.steps, memory.manoeuvre = _find_manoeuvre(*args, standing)
-        _copy(path, 0, workspace.paths[0], 0)  # the search has used it
-        memory.is_boxed_in = memory.steps == 0 and standing.shape[0] > 0
+        search = path, point, reaches, radius, memory.gear, body, floor, box, agents
+        _plan_manoeuvre(memory, search, standing, is_open)
         if memory.steps == 0:
-            if memory.is_boxed_in and not is_open:
-                memory.is_boxed_in = _find_manoeuvre(*args, standing[:0])[0] > 0
-                _copy(path, 0, workspace.paths[0], 0)
             memory.leg_search = now + again
             return 0.0, memory.is_boxed_in == 0
     return _next_leg(path, memory, radius), False
+
+
+@borrowing
+def _plan_manoeuvre(memory: Any, search: Any, standing: Integers, is_open: bool) -> None:
+    """Write the cheapest manoeuvre among rows that stand, and whether it is these that leave none.
+
+    `search` is what `_find_manoeuvre` takes before them. Walls do not matter if the way `is_open`.
+    """
+    memory.steps, memory.manoeuvre = _find_manoeuvre(*search, standing)
+    memory.is_boxed_in = memory.steps == 0 and standing.shape[0] > 0
+    if memory.is_boxed_in and not is_open:
+        memory.is_boxed_in = _find_manoeuvre(*search, standing[:0])[0] > 0
 
 
 @borrowing
