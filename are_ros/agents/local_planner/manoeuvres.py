@@ -45,6 +45,12 @@ from are_ros.agents.local_planner.state import (
 )
 from are_ros.agents.local_planner.walls import wall_conflict, wall_gap_wanted
 
+_Point = tuple[float, float, float]
+_Search = tuple[
+    Floats, _Point, tuple[float, float], float, int, Any, ClearanceLayer, Floats, AgentArrays
+]
+"""What `_find_manoeuvre` takes before the rows that stand."""
+
 _STEP = 0.3  # the length of a node's leg in turning radii, and so an angle [rad]
 _POSES = 8  # so many of a leg are looked at
 _MOST_NODES = 2400
@@ -133,7 +139,7 @@ def _is_clear(
 @borrowing
 def _is_open(
     path: Floats,
-    point: tuple[float, float, float],
+    point: _Point,
     reaches: tuple[float, float],
     radius: float,
     body: Any,
@@ -183,7 +189,7 @@ def _meaning(option: int, radius: float) -> tuple[int, float]:
 @owning
 def _find_manoeuvre(
     path: Floats,
-    point: tuple[float, float, float],
+    point: _Point,
     reaches: tuple[float, float],
     radius: float,
     gear: int,
@@ -326,10 +332,10 @@ def begin_leg(
 
 
 @borrowing
-def _plan_manoeuvre(memory: Any, search: Any, standing: Integers, is_open: bool) -> None:
+def _plan_manoeuvre(memory: Any, search: _Search, standing: Integers, is_open: bool) -> None:
     """Write the cheapest manoeuvre among rows that stand, and whether it is these that leave none.
 
-    `search` is what `_find_manoeuvre` takes before them. Walls do not matter if the way `is_open`.
+    Walls are not the reason if they leave the way open.
     """
     memory.steps, memory.manoeuvre = _find_manoeuvre(*search, standing)
     memory.is_boxed_in = memory.steps == 0 and standing.shape[0] > 0
