@@ -54,7 +54,7 @@ def problem_of(side: int, reaches: tuple[int, ...]) -> Problem:
     model, goal = _model(reaches), (side // 2, side // 2)
     problem = process_of(ways_to(rooms(side), nearness, goal, model))
     terminal = np.zeros_like(problem.terminal)
-    terminal[goal] = model.goal
+    terminal[:, goal[0], goal[1]] = model.goal
     return replace(problem, terminal=terminal)
 
 
@@ -65,7 +65,7 @@ def _model(reaches: tuple[int, ...]) -> TravelModel:
 
 def quantecon_process(problem: Problem, markov: Any) -> Any:
     """Return the same as QuantEcon's DiscreteDP; state heading * h * w + cell."""
-    height, width = problem.terminal.shape
+    _, height, width = problem.terminal.shape
     cells, model, count = height * width, problem.model, 1 + 4 * len(problem.model.reaches)
     states = np.repeat(np.arange(4 * cells), count)
     actions = np.tile(np.arange(count), 4 * cells)
@@ -114,7 +114,7 @@ def compare(side: int, horizon: int, reaches: tuple[int, ...], repetitions: int)
     induction = importlib.import_module("quantecon.markov.ddp").backward_induction
     problem = problem_of(side, reaches)
     process = quantecon_process(problem, markov)
-    terminal = np.tile(problem.terminal.ravel().astype(np.float64), 4)
+    terminal = problem.terminal.ravel().astype(np.float64)
     theirs = functools.partial(induction, process, horizon, terminal)
     ours = functools.partial(solve, problem, horizon)
     apart = difference(theirs()[0], ours(), horizon)

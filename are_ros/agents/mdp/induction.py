@@ -28,7 +28,7 @@ def solved(
 
     And the last epoch that changed each cell, int32 (h, w), and the last epoch computed.
     """
-    model, (height, width) = problem.model, problem.terminal.shape
+    model, (_, height, width) = problem.model, problem.terminal.shape
     padding, size = max(*model.reaches, FAR) * width, 4 * height * width
     flat = np.empty(kept * size + 2 * padding, np.float32)
     planes = flat[padding : padding + kept * size].reshape(kept, 4, height, width)

@@ -44,8 +44,8 @@ class TravelModel:
     epoch, `clearance` the additional price next to a wall, `effort` (P) that of a pace in the open
     (beside walls it grows as the price does); an epoch of staying costs `rest` less. `goal` is the
     value of the goal; an agent that is not there when the epochs are over loses `late` times what
-    the rest of the way costs. `quarter_turn` and `half_turn` are the prices of turning before a
-    move.
+    the rest of the way costs, and turning on it. `quarter_turn` and `half_turn` are
+    the prices of turning before a move.
     """
 
     reaches: tuple[int, ...] = (1,)
@@ -147,7 +147,7 @@ class Problem:
 
     `lengths` uint8 (4, h, w) as in `Ways`. `gains` float32 (1 + 4 P, h, w): the reward of an epoch
     of staying, and of moving in each direction at each pace (intended or by slipping); turning
-    costs extra. `terminal` float32 (h, w): V_0, for all headings.
+    costs extra. `terminal` float32 (4, h, w): V_0 by heading.
     """
 
     lengths: npt.NDArray[np.uint8]
@@ -209,15 +209,18 @@ def problem_of(ways: Ways) -> Problem:
     """Return the decision process of going to the goal of some ways.
 
     The goal has the value `model.goal` and ends the process. The terminal value elsewhere is that
-    less `model.late` times the cost of the cheapest way there: so an agent starts even with a short
-    horizon.
+    less `model.late` times the cost of the cheapest way there and of turning on it, as far as no
+    wall makes it turn: so an agent starts even with a short horizon, and its goal behind it.
     """
     model = ways.model
     reaches, effort = np.array(model.reaches), np.array(model.effort)
     gains = _travel_kernels.find_gains(
         ways.lengths, ways.costs, ways.price, reaches, effort, model.time, model.rest, ways.goal
     )
-    cost = np.float32(model.late) * ways.costs
+    turns = _travel_kernels.turns_left(
+        ways.lengths, ways.costs, model.quarter_turn, model.half_turn
+    )
+    cost = np.float32(model.late) * (ways.costs + turns)
     terminal = np.maximum(np.float32(model.goal) - cost, UNREACHABLE)
     return Problem(ways.lengths, gains, terminal, model)
 
@@ -230,7 +233,7 @@ def solve(problem: Problem, horizon: int, kept_bytes: int = KEPT_BYTES) -> Solut
     in one thread, with the same bits on all machines. If all planes would need more than
     `kept_bytes`, the last ones are kept, at least one.
     """
-    height, width = problem.terminal.shape
+    _, height, width = problem.terminal.shape
     kept = max(1, min(horizon + 1, kept_bytes // (16 * height * width)))
     planes, settled, epochs = _induction.solved(problem, max(kept, 2), horizon)
     last = planes[: epochs + 1] if kept > 1 else planes[epochs % 2][None].copy()

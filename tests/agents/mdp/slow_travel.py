@@ -118,14 +118,21 @@ class SlowTravel:
         return entered
 
     def terminal(self) -> dict[State, float]:
-        """Return V_0."""
+        """Return V_0: late for the rest of the way, for turning to it and from axis to axis."""
         model = self.model
-        return {
-            (row, col, heading): -1e6
-            if self.cost[row, col] == math.inf
-            else model.goal - model.late * self.cost[row, col]
-            for row, col, heading in self.states
-        }
+        turn = (0.0, model.quarter_turn, model.half_turn, model.quarter_turn)
+        values = {}
+        for row, col, heading in self.states:
+            here = self.cost[row, col]
+            shorter = [
+                direction
+                for direction, (down, right) in enumerate(STEPS)
+                if self.edges[direction, row, col] and self.cost[row + down, col + right] < here
+            ]
+            late = here + min((turn[(d - heading) % 4] for d in shorter), default=0.0)
+            late += model.quarter_turn if len({d % 2 for d in shorter}) == 2 else 0.0
+            values[row, col, heading] = -1e6 if here == math.inf else model.goal - model.late * late
+        return values
 
     def outcomes(
         self, state: State, action: int, epoch: Epoch
@@ -191,7 +198,7 @@ def quantecon_arguments(
 
     State heading * h * w + cell, so that values reshape to (4, h, w).
     """
-    cells, model = problem.terminal.size, problem.model
+    cells, model = problem.terminal[0].size, problem.model
     straight, fails, aside = model.chances
     rewards: list[float] = []
     rows: list[int] = []
@@ -223,7 +230,7 @@ def quantecon_arguments(
 
 
 def _outcome(problem: Problem, pace: int, cell: int, direction: int) -> tuple[float, int]:
-    height, width = problem.terminal.shape
+    _, height, width = problem.terminal.shape
     row, col = divmod(cell, width)
     length = min(problem.model.reaches[pace], int(problem.lengths[direction, row, col]))
     end = (row + length * STEPS[direction][0]) * width + col + length * STEPS[direction][1]
@@ -240,7 +247,7 @@ def plain_epochs(problem: Problem) -> Iterator[npt.NDArray[np.float32]]:
     model = problem.model
     straight, fails, aside = map(np.float32, model.chances)
     turns = np.array([0.0, model.quarter_turn, model.half_turn, model.quarter_turn], np.float32)
-    values = np.tile(problem.terminal, (4, 1, 1))
+    values = problem.terminal
     while True:
         yield values
         best = np.full(values.shape, -np.inf, np.float32)
@@ -267,7 +274,7 @@ def _brings(
     problem: Problem, values: npt.NDArray[np.float32], pace: int
 ) -> list[npt.NDArray[np.float32]]:
     """Return what going each way for an epoch brings, of values (4, h, w)."""
-    rows, cols = np.indices(problem.terminal.shape)
+    rows, cols = np.indices(problem.terminal.shape[1:])
     lengths = np.minimum(problem.lengths, problem.model.reaches[pace]).astype(np.int64)
     return [
         values[d][rows + STEPS[d][0] * lengths[d], cols + STEPS[d][1] * lengths[d]]

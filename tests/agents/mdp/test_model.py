@@ -114,7 +114,7 @@ def test_values_are_those_of_quantecon(seed: int) -> None:
         process = DiscreteDP(
             *quantecon_arguments(problem)[:2], 1.0, *quantecon_arguments(problem)[2:]
         )
-    terminal = np.tile(problem.terminal.ravel().astype(np.float64), 4)
+    terminal = problem.terminal.ravel().astype(np.float64)
     theirs, _ = backward_induction(process, 12, terminal)
     ours = solve(problem, 12)
     for epochs in range(13):
@@ -125,9 +125,13 @@ def test_values_are_those_of_quantecon(seed: int) -> None:
 @settings(max_examples=25)
 @given(seed=st.integers(0, 10**6))
 def test_values_never_rise_with_the_epochs_left_if_nothing_is_lost_by_being_late(seed: int) -> None:
-    """V_0 is then a bound that no policy of one pace beats, so each epoch can but correct it."""
+    """V_0 is then a bound that no policy of one pace beats, so each epoch can but correct it.
+
+    Where turning costs nothing: else a longer way with fewer turns may do better than V_0 says.
+    """
     edges, nearness, goal, model = some_arguments(seed)
-    model = replace(one_pace(model, model.reaches[0]), late=1.0, rest=0.0)
+    model = one_pace(model, model.reaches[0])
+    model = replace(model, late=1.0, rest=0.0, quarter_turn=0.0, half_turn=0.0)
     solution = solve(travel_problem(edges, nearness, goal, model), 12)
     assert (np.diff(solution.planes, axis=0) <= 2e-6).all()
 
@@ -210,7 +214,7 @@ def test_moves_go_as_far_as_the_reach_and_end_at_walls_and_at_the_goal() -> None
     assert problem.lengths[0, 0].tolist() == [0, 0, 3, 3, 3, 2, 1, 0, 0]
     assert problem.lengths[2, 0].tolist() == [0, 0, 0, 1, 1, 1, 1, 0, 1]
     assert not problem.lengths[[1, 3]].any()
-    assert (problem.terminal[0, :2] == UNREACHABLE).all()
+    assert (problem.terminal[:, 0, :2] == UNREACHABLE).all()
 
 
 def test_moves_end_where_the_way_turns_off() -> None:
@@ -360,10 +364,25 @@ def test_impossible_numbers_are_refused(field: str, value: Any) -> None:
         replace(TravelModel(), **numbers)
 
 
+@pytest.mark.parametrize("heading", range(4))
+def test_who_must_turn_first_loses_by_putting_it_off(heading: int) -> None:
+    """Where turning is dear and resting cheap, as for a car whose goal is behind it.
+
+    V_0 without that turn made resting for ever, and being late, the best that it could do.
+    """
+    model = TravelModel(reaches=(4,), rest=0.095, late=3.0, quarter_turn=0.42, half_turn=2.83)
+    edges = open_floor(41, 41)
+    solution = solve(travel_problem(edges, np.zeros((41, 41), np.float32), (20, 8), model), 40)
+    plane = solution.plane(40)
+    assert plane[heading, 20, 20] == solution.plane(39)[heading, 20, 20]
+
+
 def test_a_problem_says_what_it_is_made_of() -> None:
-    """The terminal value is the goal's less what the way costs."""
+    """The terminal value is the goal's less what the way costs, and turning on it."""
     problem: Problem = travel_problem(
         open_floor(1, 3), np.array([[0.0, 1.0, 0.0]], np.float32), (0, 2), TravelModel(goal=5.0)
     )
-    np.testing.assert_allclose(problem.terminal, [[4.3, 4.9, 5.0]], rtol=1e-6)
+    turns = np.array([0.0, 0.1, 0.2, 0.1])[:, np.newaxis, np.newaxis]
+    expected = np.array([[4.3, 4.9, 5.0]]) - turns * np.array([[1.0, 1.0, 0.0]])
+    np.testing.assert_allclose(problem.terminal, expected, rtol=1e-6)
     np.testing.assert_allclose(problem.gains[0], [[-0.1, -0.6, 0.0]], rtol=1e-6)
