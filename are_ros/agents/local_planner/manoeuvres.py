@@ -201,8 +201,9 @@ def _find_manoeuvre(
 ) -> tuple[int, int]:
     """Return the cheapest manoeuvre from pose 0: how many steps, and their digits, the first last.
 
-    No steps if none is found. A node is a pose that a step leads to; its total is the cost so far,
-    and the way that would be left without walls.
+    If none is found, one that leads as near as any can, where that is a turning radius or more; or
+    no steps. A node is a pose that a step leads to; its total is the cost so far, and the way that
+    would be left without walls.
     """
     start_x, start_y, step = path[0, X], path[0, Y], _STEP * radius
     poses, bends = np.empty((_MOST_NODES, 6)), np.zeros(_MOST_NODES)
@@ -212,6 +213,9 @@ def _find_manoeuvre(
     least = np.full((2, _YAWS, _CELLS, _CELLS), np.inf)
     _copy(poses, 0, path, 0)
     gears[0], n, count, manoeuvre = gear, 0, 1, 0
+    lefts = np.full(_MOST_NODES, np.inf)
+    forward, back = ways_left(path[0, X], path[0, Y], path[0, YAW], point[0], point[1], radius)
+    lefts[0] = (forward if point[2] > 0.0 else min(forward, back)) - radius
     while True:
         is_open, is_clear, _ = _is_open(
             path, point, reaches, radius, body, floor, box, agents, standing
@@ -242,13 +246,14 @@ def _find_manoeuvre(
             left, back = ways_left(end[X], end[Y], end[YAW], point[0], point[1], radius)
             left = left if point[2] > 0.0 else min(left, back)
             costs[count], totals[count], parents[count] = cost, cost + left, n
+            lefts[count] = left
             _copy(poses, count, path, _POSES)
             gears[count], bends[count], options[count] = sense, bend, option
             count += 1
         totals[n] = np.inf
         n = int(np.argmin(totals[:count]))
         if totals[n] == np.inf or count + 6 > _MOST_NODES:
-            n = 0  # none
+            n = int(np.argmin(lefts[:count]))
             break
         _copy(path, 0, poses, n)
     _copy(path, 0, poses, 0)

@@ -108,6 +108,23 @@ def test_out_of_a_slot_a_vehicle_backs_as_far_as_it_must() -> None:
     assert -ways_m[ways_m < 0.0].sum() < 16.0
 
 
+@pytest.mark.parametrize(
+    ("body", "width_m", "away_m", "seconds"),
+    [(CAR, 5.0, 60.0, 60.0), (CAR, 3.0, 60.0, 60.0), (SCOOTER, 1.5, 30.0, 60.0)],
+)
+def test_where_it_cannot_turn_a_vehicle_backs_out_however_far(
+    body: Body, width_m: float, away_m: float, seconds: float
+) -> None:
+    """Farther than a search looks: it goes as near as that finds, and searches again."""
+    street = Street(environment(room(away_m + 30.0, width_m)))
+    street.add(1, away_m + 15.0, 0.5 * width_m, 0.0, body)
+    go_on(street, (15.0, 0.5 * width_m), body.speed_mps)
+    while street.distance(1) > 3.0 and street.index < seconds / STEP_S:
+        street.step()
+    assert street.distance(1) < 3.0
+    assert shunts(driven(street.track)) <= 8
+
+
 PARKED = Body((2.2, 0.9), (0.0, 0.0), 1.5, 0.0)
 
 
