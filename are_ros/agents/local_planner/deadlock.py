@@ -25,9 +25,11 @@ from are_ros.agents.local_planner.rollouts import (
     kind_of,
 )
 from are_ros.agents.local_planner.state import (
+    COS,
     NEVER,
     NOBODY,
     PATH_FOLLOWING,
+    SIN,
     SPEED,
     UNOBSTRUCTED,
     YAW,
@@ -47,6 +49,7 @@ _RELEASE = 0.15  # the most that one that was blocked must gain before it is so 
 _MOST_DEBT = 2.0  # a way back counts: it must be made again before one is not blocked any more
 _PUSHES_AFTER = 0.75
 _ASKS_AFTER = 1.5  # one that is to stand is asked to step aside
+_HEAD_ON, _SWERVES_SECONDS = -0.7, 8
 _ASKS_FOLLOWERS_AFTER = 8.0  # so is one that follows its path, or two that block each other
 _PUSH_SECONDS = 2
 _MAKES_WAY_SECONDS = 2.0
@@ -70,6 +73,13 @@ def hashed(a: int, b: int) -> float:
 
 
 @borrowing
+def keeps_way(agents: AgentArrays, i: int, now: int) -> bool:
+    """Tell whether agent i follows its path, and does not swerve at present."""
+    is_swerving = now < agents.memory[i].swerves_until
+    return bool(agents.command[i].planner == PATH_FOLLOWING and not is_swerving)
+
+
+@borrowing
 def can_yield(agents: AgentArrays, i: int, j: int, now: int) -> bool:
     """Tell whether agent i may push agent j, should it have the higher priority.
 
@@ -81,7 +91,7 @@ def can_yield(agents: AgentArrays, i: int, j: int, now: int) -> bool:
     if agents.place[j].is_scripted == 1 or agents.body[j].speed <= 0.0:
         return False
     stands, waited = agents.command[j].has_goal == 0, agents.memory[i].blocked
-    if agents.command[j].planner == PATH_FOLLOWING:
+    if keeps_way(agents, j, now):
         stands = stands or agents.memory[j].blocked > _ASKS_FOLLOWERS_AFTER
         return bool(stands and waited > _ASKS_FOLLOWERS_AFTER)
     is_asked = now < agents.memory[i].pushed_until and agents.command[i].has_goal == 0
@@ -126,6 +136,23 @@ def push(
 
 
 @borrowing
+def consider_swerving(
+    agents: AgentArrays, i: int, j: int, pose: Floats, now: int, second: int
+) -> None:
+    """Let agent i swerve for a while if agent j comes towards it, and both keep their ways.
+
+    Else these would meet nose to nose. Nobody else makes path_following swerve.
+    """
+    for k in (i, j):
+        if agents.command[k].planner != PATH_FOLLOWING or agents.command[k].has_goal == 0:
+            return
+    place = agents.place[j]
+    other = agents.path[j, min(now - place.begin, place.last)]
+    if pose[COS] * other[COS] + pose[SIN] * other[SIN] < _HEAD_ON:
+        agents.memory[i].swerves_until = now + _SWERVES_SECONDS * second
+
+
+@borrowing
 def make_way(
     agents: AgentArrays, i: int, pose: Floats, now: int, robot: RobotPath, second: int
 ) -> None:
@@ -134,7 +161,7 @@ def make_way(
     An agent that follows its path stays there, as does one that cannot move.
     """
     body, memory = agents.body[i], agents.memory[i]
-    if pose[SPEED] != 0.0 or body.speed <= 0.0 or agents.command[i].planner == PATH_FOLLOWING:
+    if pose[SPEED] != 0.0 or body.speed <= 0.0 or keeps_way(agents, i, now):
         return
     x, y, vx, vy, radius = robot.disc
     speed = np.sqrt(vx * vx + vy * vy)

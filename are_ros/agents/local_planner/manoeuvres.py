@@ -15,6 +15,7 @@ import numpy as np
 
 from are_ros._compiled import borrowing, owning
 from are_ros.agents.body import TIGHTEST
+from are_ros.agents.local_planner.deadlock import keeps_way
 from are_ros.agents.local_planner.gaps import gap_between, separation
 from are_ros.agents.local_planner.primitives import (
     BACKS_OFF_AFTER,
@@ -31,7 +32,6 @@ from are_ros.agents.local_planner.state import (
     BY_ARTEFACT,
     COS,
     NEVER,
-    PATH_FOLLOWING,
     SIN,
     YAW,
     AgentArrays,
@@ -58,7 +58,7 @@ _CELLS, _CELL = 40, 0.25  # poses in one cell, of so many turning radii, and of 
 _YAWS = 24  # headings are one to the search
 _SHUNT = 0.6  # the price of a change of direction, in turning radii
 _STEER = 0.05  # and that of steering elsewhere
-_MARGIN_M = 0.05
+_MARGIN_M = 0.05  # of a manoeuvre, and of the way to which it leads; others are open without
 _LEAST_LEFT, _MOST_LEFT = 0.03, 1.0  # of the turning radius
 _OFF_M, _OFF = 0.3, -1e3  # farther aside than this, a vehicle is off its leg
 _TURNED = 0.8  # a goal elsewhere by this angle ends the leg
@@ -89,10 +89,16 @@ def _move(path: Floats, k: int, bend: float, way: float) -> None:
 
 @borrowing
 def _is_free(
-    path: Floats, last: int, body: Any, pace: float, floor: ClearanceLayer, box: Floats
+    path: Floats,
+    last: int,
+    body: Any,
+    pace: float,
+    margin: float,
+    floor: ClearanceLayer,
+    box: Floats,
 ) -> bool:
-    """Tell whether a body keeps free on a path, with a margin if it begins with one."""
-    gap = wall_gap_wanted(path[0], body, _MARGIN_M, floor, box)
+    """Tell whether a body keeps free on a path, with a margin [m] if it begins with one."""
+    gap = wall_gap_wanted(path[0], body, margin, floor, box)
     kept, k = wall_conflict(path, last, body, gap, pace, floor, box, path[last], True)
     return kept and k == NEVER
 
@@ -103,10 +109,10 @@ def _find_standing(
 ) -> int:
     """Write the other rows that stand without a goal within `reach`; return how many they are.
 
-    None for a vehicle with path_following, which goes round nobody.
+    None for a vehicle that keeps its way, and goes round nobody.
     """
     count = 0
-    if agents.command[i].planner == PATH_FOLLOWING:
+    if keeps_way(agents, i, now):
         return count
     for j in range(agents.place.shape[0]):
         place = agents.place[j]
@@ -121,13 +127,19 @@ def _find_standing(
 
 @borrowing
 def _is_clear(
-    path: Floats, last: int, body: Any, pace: float, agents: AgentArrays, standing: Integers
+    path: Floats,
+    last: int,
+    body: Any,
+    pace: float,
+    margin: float,
+    agents: AgentArrays,
+    standing: Integers,
 ) -> bool:
     """Tell whether a path meets none of those rows that stand, with a margin as for walls."""
     for j in standing:
         other, end = agents.body[j], agents.place[j].last
         gap = max(separation(path[0], body, agents.path[j, end], other), 0.0)
-        wanted = min(gap, _MARGIN_M)
+        wanted = min(gap, margin)
         gap, k = gap_between(
             path, last, body, agents.path[j], end, end, other, wanted, pace, NEVER, path[last]
         )
@@ -142,6 +154,7 @@ def _is_open(
     point: _Point,
     reaches: tuple[float, float],
     radius: float,
+    margin: float,
     body: Any,
     floor: ClearanceLayer,
     box: Floats,
@@ -151,7 +164,8 @@ def _is_open(
     """Tell whether walls, and then others, leave open the shortest way from pose 0 to a point.
 
     And whether it leads forward, as one does that goes on. Looked at are its arc, and its tangent
-    up to the sub-goal, or to `reaches`: for walls, for others. The path is written into.
+    up to the sub-goal, or to `reaches`: for walls, for others. If walls close it, the one arc that
+    ends in the point will do, where that is ahead. The path is written into.
     """
     pose = path[0]
     dx, dy = point[0] - pose[X], point[1] - pose[Y]
@@ -159,24 +173,27 @@ def _is_open(
     sense = 1.0 if forward <= back or point[2] > 0.0 else -1.0
     ahead, aside = sense * (dx * pose[COS] + dy * pose[SIN]), dy * pose[COS] - dx * pose[SIN]
     side, aside = (1.0 if aside > 0.0 else -1.0), abs(aside)
-    before, arc, tangent = arc_and_tangent(ahead, aside, radius)
-    if before > 0.0:
-        return False, False, False
-    last, bend, tangent = path.shape[0] - 1, side / radius, max(tangent - point[2], 0.0)
-    spacing = (arc + min(tangent, max(reaches[0], reaches[1]))) / last
-    for k in range(1, last + 1):
-        way = spacing * k
-        _move(path, k, bend, sense * min(way, arc))
-        if way > arc:
-            path[k, X] += sense * (way - arc) * path[k, COS]
-            path[k, Y] += sense * (way - arc) * path[k, SIN]
-    pace = spacing * (1.0 + body.radius / radius)
-    to_wall, to_others = arc + min(tangent, reaches[0]), arc + min(tangent, reaches[1])
-    end = min(int(np.ceil(to_wall / max(spacing, 1e-9))), last)
-    is_open, is_clear = _is_free(path, end, body, pace, floor, box), True
-    if arc > _LEAST_ARC * radius or reaches[1] > radius:
-        end = min(int(np.ceil(to_others / max(spacing, 1e-9))), last)
-        is_clear = _is_clear(path, end, body, pace, agents, standing)
+    last, is_open, is_clear = path.shape[0] - 1, False, False
+    # the shortest, and the widest arc: at full lock the tail swings out farther
+    widest = 0.999 * (ahead * ahead + aside * aside) / max(2.0 * aside, 1e-3)
+    for curve in (radius, max(widest, radius)):
+        before, arc, tangent = arc_and_tangent(ahead, aside, curve)
+        if is_open or before > 0.0 or (curve > radius and ahead < aside):
+            break
+        bend, tangent = side / curve, max(tangent - point[2], 0.0)
+        spacing = max(arc + min(tangent, max(reaches[0], reaches[1])), 1e-6) / last
+        for k in range(1, last + 1):
+            way = spacing * k
+            _move(path, k, bend, sense * min(way, arc))
+            if way > arc:
+                path[k, X] += sense * (way - arc) * path[k, COS]
+                path[k, Y] += sense * (way - arc) * path[k, SIN]
+        pace = spacing * (1.0 + body.radius / curve)
+        end = min(int(np.ceil((arc + min(tangent, reaches[0])) / spacing)), last)
+        is_open, is_clear = _is_free(path, end, body, pace, margin, floor, box), True
+        if arc > _LEAST_ARC * radius or reaches[1] > radius:
+            end = min(int(np.ceil((arc + min(tangent, reaches[1])) / spacing)), last)
+            is_clear = _is_clear(path, end, body, pace, margin, agents, standing)
     return is_open, is_clear, sense > 0.0
 
 
@@ -218,7 +235,7 @@ def _find_manoeuvre(
     lefts[0] = (forward if point[2] > 0.0 else min(forward, back)) - radius
     while True:
         is_open, is_clear, _ = _is_open(
-            path, point, reaches, radius, body, floor, box, agents, standing
+            path, point, reaches, radius, _MARGIN_M, body, floor, box, agents, standing
         )
         if n > 0 and is_open and is_clear:
             break
@@ -238,8 +255,8 @@ def _find_manoeuvre(
             pace = step / _POSES * (1.0 + body.radius / radius)
             if (
                 cost >= least[option // 3, turn, row, col] - 1e-9
-                or not _is_free(path, _POSES, body, pace, floor, box)
-                or not _is_clear(path, _POSES, body, pace, agents, standing)
+                or not _is_free(path, _POSES, body, pace, _MARGIN_M, floor, box)
+                or not _is_clear(path, _POSES, body, pace, _MARGIN_M, agents, standing)
             ):
                 continue
             least[option // 3, turn, row, col] = cost
@@ -311,7 +328,7 @@ def begin_leg(
     waits = memory.obstruction == BY_ARTEFACT and memory.blocked > _PATIENCE_S
     reaches = reach, _AMONG_REACH * radius if waits or leg != 0 else _PAST_ARC * radius
     is_open, is_clear, leads_ahead = _is_open(
-        path, point, reaches, radius, body, floor, box, agents, standing
+        path, point, reaches, radius, 0.0, body, floor, box, agents, standing
     )
     left, is_elsewhere = 0.0, abs(wrapped(heading - memory.leg_heading)) > _TURNED
     is_held = memory.obstruction == BY_ARTEFACT and memory.blocked > BACKS_OFF_AFTER

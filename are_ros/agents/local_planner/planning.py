@@ -5,7 +5,13 @@ from typing import Any
 import numpy as np
 
 from are_ros._compiled import borrowing
-from are_ros.agents.local_planner.deadlock import can_yield, consider_detour, push
+from are_ros.agents.local_planner.deadlock import (
+    can_yield,
+    consider_detour,
+    consider_swerving,
+    keeps_way,
+    push,
+)
 from are_ros.agents.local_planner.gaps import (
     TOUCH,
     find_neighbours,
@@ -37,7 +43,6 @@ from are_ros.agents.local_planner.state import (
     PATH_FOLLOWING,
     PLANS,
     SIN,
-    SOCIAL_FORCE,
     SPEED,
     UNOBSTRUCTED,
     AgentArrays,
@@ -233,19 +238,19 @@ def _search(
     options: int,
     near: int,
     wall_gap: float,
-    keeps_way: bool,
+    follows: bool,
     may_reverse: bool,
 ) -> tuple[int, int, int, int, int]:
     """Try primitives, cheapest first, until none can be cheaper than the best by `_WORTH_IT`.
 
-    A vehicle that `keeps_way` tries no arc but the first that the walls allow, and those in reverse
-    if it `may_reverse`. Returns the primitive chosen (-1: none is feasible), which of the
+    A vehicle that `follows` its path tries no arc but the first that the walls allow, and those in
+    reverse if it `may_reverse`. Returns the primitive chosen (-1: none is feasible), which of the
     two scratch paths it fills and its last index, what obstructs the first one, and the first row
     that obstructs any.
     """
     best, chosen, side, last = INFEASIBLE, -1, 0, 0
     obstruction, culprit, is_first, met = UNOBSTRUCTED, NOBODY, True, NEVER
-    has_way = not keeps_way
+    has_way = not follows
     while True:
         n = cheapest(workspace.options, options)
         if n < 0 or workspace.options[n, 3] >= best - _WORTH_IT:
@@ -314,8 +319,8 @@ def plan(
     pose = workspace.paths[0, 0]
     for column in range(pose.shape[0]):
         pose[column] = workspace.paths[1, 0, column] = agents.path[i, start, column]
-    # the others keep their way, and what is boxed in has none
-    if command.planner <= SOCIAL_FORCE and memory.is_boxed_in == 0:
+    follows = keeps_way(agents, i, now)
+    if command.planner <= PATH_FOLLOWING and not (follows or memory.is_boxed_in):
         consider_detour(memory, place.id, now, timing.second)
     aim = aim_of(agents, i, pose, now, timing.second)
     is_at_rest = aim.speed <= 0.0 and np.isnan(aim.heading) and pose[SPEED] == 0.0
@@ -334,9 +339,8 @@ def plan(
     wall_gap = wall_gap_wanted(pose, body, command.wall_comfort, floor, workspace.box)
     is_aside = np.cos(aim.heading) * pose[COS] + np.sin(aim.heading) * pose[SIN] < _AHEAD
     is_stuck = memory.blocked > BACKS_OFF_AFTER
-    keeps_way = command.planner == PATH_FOLLOWING and body.turn_radius > 0.0
-    keeps_way = keeps_way and aim.kind != PUSHED
-    keeps_way = keeps_way and not (is_stuck and memory.obstruction <= BY_WALL)  # by nobody
+    follows = follows and body.turn_radius > 0.0 and aim.kind != PUSHED
+    follows = follows and not (is_stuck and memory.obstruction <= BY_WALL)  # by nobody
     chosen, side, last, obstruction, culprit = _search(
         agents,
         i,
@@ -348,7 +352,7 @@ def plan(
         options,
         near,
         wall_gap,
-        keeps_way,
+        follows,
         is_stuck and is_aside,
     )
     stays = chosen < 0 or workspace.options[chosen, 0] == BRAKE
@@ -364,6 +368,7 @@ def plan(
             obstruction == BY_ARTEFACT and culprit != NOBODY and can_yield(agents, i, culprit, now)
         )
     if culprit != NOBODY and (aim.kind == PUSHED or obstruction == BY_ARTEFACT):
+        consider_swerving(agents, i, culprit, pose, now, timing.second)
         push(agents, i, culprit, aim, pose, now, epoch, timing.second)
     if chosen < 0:
         workspace.counters[KEPT] += 1

@@ -96,7 +96,7 @@ def propose(
     if aim.speed <= 0.0:
         return add_braking(options, 0, aim, 0.0)
     is_held = planner == SOCIAL_FORCE and memory.blocked > FORCES_FAIL_AFTER
-    if is_held or aim.kind == PUSHED:
+    if is_held or aim.kind == PUSHED or now < memory.swerves_until:
         planner = DYNAMIC_WINDOW
     if planner == WISHES:
         memory.leg = 0  # such a planner drives no manoeuvre

@@ -109,6 +109,7 @@ MEMORY = np.dtype(
         ("passed_at", "i8"),  # the sub-step at which it passed its sub-goal
         ("obstruction", "i8"),
         ("obstructed_by", "i8"),
+        ("swerves_until", "i8"),  # path_following: it passes another one by the dynamic window
         ("can_yield", "i8"),  # whether that agent can move out of the way
     ]
 )

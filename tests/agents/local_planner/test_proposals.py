@@ -76,16 +76,25 @@ def test_a_path_follower_brakes_behind_a_pallet_waits_and_goes_on() -> None:
     assert np.abs(way_of(street)[:, 1] - 4.0).max() < 1e-9
 
 
-def test_two_path_followers_that_block_each_other_do_not_wait_for_ever() -> None:
-    """Head on in an aisle both wait; then the one of the lower priority lets the other pass."""
-    street = Street(corridor(3.0, 20.0))
-    street.add(1, 4.0, 2.0, 0.0, AGV)
-    street.add(2, 16.0, 2.0, math.pi, AGV)
-    street.send(1, 18.0, 2.0, planner="path_following")
-    street.send(2, 2.0, 2.0, planner="path_following")
-    street.run(10.0)
-    assert (way_of(street)[:, 1] == 2.0).all()
-    assert street.run_until_there(60.0) > 20.0
+TUGGER = Body((0.8, 0.4), (0.0, 0.0), 1.4, 1.5, 0.7, 0.8, 1.4)
+
+
+@pytest.mark.parametrize(
+    ("body", "width_m", "seconds"), [(AGV, 3.0, 30.0), (TUGGER, 3.0, 45.0), (TUGGER, 2.5, 75.0)]
+)
+def test_path_followers_that_meet_head_on_swerve_and_pass(
+    body: Body, width_m: float, seconds: float
+) -> None:
+    """Both would wait nose to nose for minutes; each keeps to its way until they are near."""
+    middle_m = 0.5 * width_m + 0.5
+    street = Street(corridor(width_m, 44.0))
+    street.add(1, 10.0, middle_m, 0.0, body)
+    street.add(2, 34.0, middle_m, math.pi, body)
+    street.send(1, 40.0, middle_m, planner="path_following")
+    street.send(2, 4.0, middle_m, planner="path_following")
+    street.run(4.0)
+    assert (way_of(street)[:, 1] == middle_m).all()
+    street.run_until_there(seconds, within_m=1.0)
 
 
 def test_a_dynamic_window_swerves_where_a_path_follower_waits() -> None:
