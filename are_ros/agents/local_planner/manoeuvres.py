@@ -218,8 +218,8 @@ def _find_manoeuvre(
 ) -> tuple[int, int]:
     """Return the cheapest manoeuvre from pose 0: how many steps, and their digits, the first last.
 
-    If none is found, one that leads as near as any can, where that is a turning radius or more; or
-    no steps. A node is a pose that a step leads to; its total is the cost so far, and the way that
+    If none is found, one that leads as near as any can, where that is a turning radius or more
+    (three, among those that stand: they may leave); or no steps. A node is a pose that a step leads to; its total is the cost so far, and the way that
     would be left without walls.
     """
     start_x, start_y, step = path[0, X], path[0, Y], _STEP * radius
@@ -230,9 +230,9 @@ def _find_manoeuvre(
     least = np.full((2, _YAWS, _CELLS, _CELLS), np.inf)
     _copy(poses, 0, path, 0)
     gears[0], n, count, manoeuvre = gear, 0, 1, 0
-    lefts = np.full(_MOST_NODES, np.inf)
+    lefts, worth = np.full(_MOST_NODES, np.inf), radius * (1.0 if standing.shape[0] == 0 else 3.0)
     forward, back = ways_left(path[0, X], path[0, Y], path[0, YAW], point[0], point[1], radius)
-    lefts[0] = (forward if point[2] > 0.0 else min(forward, back)) - radius
+    lefts[0] = (forward if point[2] > 0.0 else min(forward, back)) - worth
     while True:
         is_open, is_clear, _ = _is_open(
             path, point, reaches, radius, _MARGIN_M, body, floor, box, agents, standing
