@@ -219,8 +219,8 @@ def _find_manoeuvre(
     """Return the cheapest manoeuvre from pose 0: how many steps, and their digits, the first last.
 
     If none is found, one that leads as near as any can, where that is a turning radius or more
-    (three, among those that stand: they may leave); or no steps. A node is a pose that a step leads to; its total is the cost so far, and the way that
-    would be left without walls.
+    (three, among those that stand: they may leave); or no steps. A node is a pose that a step leads
+    to; its total is the cost so far, and the way that would be left without walls.
     """
     start_x, start_y, step = path[0, X], path[0, Y], _STEP * radius
     poses, bends = np.empty((_MOST_NODES, 6)), np.zeros(_MOST_NODES)
