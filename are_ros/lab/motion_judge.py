@@ -3,7 +3,8 @@
 It reads the ground truth only, and shares no geometry with the builder. At each sub-step it tests
 for overlaps with walls, artefacts and the robot, and for motion beyond the limits of the type. Over
 time it tests whether moving artefacts arrive, whether followers stay near their leaders, whether an
-artefact stands for long without a named cause, and for deadlocks.
+artefact stands for long without a named cause, and for deadlocks; and it counts the vehicles that
+go to and fro.
 """
 
 import math
@@ -74,6 +75,14 @@ class LongStand:
 
 
 @dataclass
+class ToAndFro:
+    """How often a vehicle drove for more than a minute and got nowhere, and the longest time."""
+
+    times: int = 0
+    longest_s: float = 0.0
+
+
+@dataclass
 class Verdict:
     """What was counted; `found` by kind of `FAULTS`, with a sentence for the first fifty of each.
 
@@ -97,6 +106,7 @@ class Verdict:
     lived_s: dict[str, float] = field(default_factory=dict)
     arrivals: Counter[str] = field(default_factory=Counter)
     follower_gaps: FollowerGaps = field(default_factory=FollowerGaps)
+    to_and_fro: ToAndFro = field(default_factory=ToAndFro)
 
     @property
     def is_clean(self) -> bool:
@@ -141,6 +151,7 @@ class Verdict:
             "lived_s": dict(sorted(self.lived_s.items())),
             "travelled_m": dict(sorted(self.travelled_m.items())),
             "arrivals": dict(sorted(self.arrivals.items())),
+            "to_and_fro": asdict(self.to_and_fro),
             "followed_s": self.follower_gaps.followed_s,
             "near_leader_share": self.follower_gaps.near_share,
             "mean_gap_m": self.follower_gaps.mean_gap_m,
@@ -154,6 +165,8 @@ class Verdict:
         ]
         stops = f" ({counted(self.dead_stops, 'dead stop')})" if self.hard_brakes else ""
         rows.append(("brakings beyond the limit", f"{self.hard_brakes}{stops}"))
+        longest = f" (longest {self.to_and_fro.longest_s:.0f} s)" if self.to_and_fro.times else ""
+        rows.append(("vehicles to and fro, a minute", f"{self.to_and_fro.times}{longest}"))
         if self.follower_gaps.followed_s:
             near, gap = self.follower_gaps.near_share, self.follower_gaps.mean_gap_m
             rows.append(("time that followers are near", f"{100.0 * near:.0f} %"))
@@ -402,6 +415,46 @@ def _circle_of(start: int, awaited: Mapping[int, int]) -> frozenset[int]:
     return frozenset(way) if here == start else frozenset()
 
 
+_NOWHERE_M, _DRIVEN_M = 3.0, 6.0
+"""Who drives the second distance, and stays within the first of where it began, gets nowhere."""
+
+
+@dataclass(slots=True)
+class _Stay:
+    """A stretch of time near a place: since when, how far it was driven, and if it was counted."""
+
+    place_m: tuple[float, float]
+    since_s: float
+    driven_m: float = 0.0
+    is_counted: bool = False
+
+
+class ToAndFroWatch:
+    """Counts the vehicles that go to and fro for longer than a minute."""
+
+    def __init__(self, found: ToAndFro) -> None:
+        self._found = found
+        self._stays: dict[int, _Stay] = {}
+
+    def see(
+        self, t_s: float, states: Iterable[ArtefactState], moved_m: Mapping[int, float]
+    ) -> None:
+        """Take a sub-step: the vehicles, and how far each has come in it."""
+        before, self._stays = self._stays, {}
+        for state in states:
+            here_m = (state.ground_pose.x_m, state.ground_pose.y_m)
+            stay = before.get(state.artefact_id)
+            if stay is None or math.dist(stay.place_m, here_m) > _NOWHERE_M:
+                stay = _Stay(here_m, t_s)
+            stay.driven_m += moved_m.get(state.artefact_id, 0.0)
+            self._stays[state.artefact_id] = stay
+            stayed_s = t_s - stay.since_s
+            if stayed_s > STILL_S and stay.driven_m > _DRIVEN_M:
+                self._found.times += not stay.is_counted
+                stay.is_counted = True
+                self._found.longest_s = max(self._found.longest_s, stayed_s)
+
+
 _STOPS = frozenset({"pausing", "waiting", "talking", "looking round"})
 """Activities at a destination."""
 
@@ -419,6 +472,7 @@ class _Last:
     pose: _Pose
     speed_mps: float
     activity: str
+    moved_m: float = 0.0
 
 
 class MotionJudge:
@@ -432,6 +486,7 @@ class MotionJudge:
         self._step_s = step_s
         self._last: dict[int, _Last] = {}
         self._stands_watch = StandWatch(self.verdict, step_s)
+        self._to_and_fro_watch = ToAndFroWatch(self.verdict.to_and_fro)
 
     def judge(
         self,
@@ -456,6 +511,9 @@ class MotionJudge:
             self._last[state.artefact_id] = self._follow(t_s, state, last)
             self._judge_twist(t_s, state)
         self._stands_watch.see(t_s, states)
+        moved_m = {one: last.moved_m for one, last in self._last.items()}
+        vehicles = [state for state in states if self._limits[state.label].turn_radius_m > 0.0]
+        self._to_and_fro_watch.see(t_s, vehicles, moved_m)
         for state in states:
             if match := _FOLLOWS.fullmatch(state.activity):
                 self._judge_following(state, int(match[1]), states)
@@ -502,7 +560,7 @@ class MotionJudge:
             verdict.hard_brakes += 1
             verdict.dead_stops += is_standing(motion)
             verdict.hardest_mps2 = max(verdict.hardest_mps2, braking_mps2)
-        return _Last(t_s, pose, motion.speed_mps, state.activity)
+        return _Last(t_s, pose, motion.speed_mps, state.activity, motion.length_m)
 
     def _judge_twist(self, t_s: float, state: ArtefactState) -> None:
         """Judge the velocities that one is said to have."""

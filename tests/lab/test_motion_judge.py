@@ -337,6 +337,28 @@ def test_a_circle_of_waiting_is_a_deadlock(awaited: dict[int, int], circles: lis
     assert found(waiting(awaited, 59.0)) == {}
 
 
+def shuttled(seconds: float, reach_m: float, label: str) -> list[list[ArtefactState]]:
+    """Return a drive to and fro about a place, as far to each side, at half a metre a second."""
+    ways_m = 0.5 * STEP_S * np.arange(round(seconds / STEP_S))
+    places = reach_m - np.abs(np.mod(ways_m + reach_m, 4.0 * reach_m) - 2.0 * reach_m)
+    return [[state((x_m, 0.0, 0.0), label=label, activity="manoeuvring")] for x_m in places]
+
+
+def test_vehicles_that_drive_and_get_nowhere_are_counted() -> None:
+    """Once for all the time; it is no fault, and neither people nor longer ways are meant."""
+    judge = judged(shuttled(90.0, 1.2, "car"))
+    assert judge.verdict.to_and_fro.times == 1
+    assert 89.0 < judge.verdict.to_and_fro.longest_s < 90.0
+    assert "to and fro" in "\n".join(judge.verdict.table())
+    for others in (
+        shuttled(59.0, 1.2, "car"),
+        shuttled(90.0, 4.0, "car"),
+        shuttled(90.0, 1.2, "person"),
+        [[state((0.0, 0.0, 0.0), label="car", activity="no way")]] * round(90.0 / STEP_S),
+    ):
+        assert judged(others).verdict.to_and_fro.times == 0
+
+
 def test_followers_are_measured_against_their_leader() -> None:
     """By the number that the activity says."""
     leader = [state((0.1 * k, 0.0, 0.0), 7) for k in range(11)]
