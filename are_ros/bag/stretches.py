@@ -113,10 +113,12 @@ class Window:
         if duration_s is not None:
             stop_ns = min(stop_ns, start_ns + seconds_to_ns(duration_s))
         if start_ns >= stop_ns:
-            is_late = start_ns >= reader.end_ns
-            option = f"--start {start_s:g}" if is_late else f"--duration {duration_s:g}"
+            if start_ns < reader.end_ns:
+                raise BagError(f"--duration {duration_s:g}: it must be above 0")
             length_s = (reader.end_ns - reader.start_ns) / NS_PER_S
-            raise BagError(f"{option}: the recording is {length_s:.1f} s long, nothing is left")
+            raise BagError(
+                f"--start {start_s:g}: the recording is {length_s:.1f} s long, nothing is left"
+            )
         return cls(begin_ns, start_ns, stop_ns, still_ns)
 
     def sentences(self, what: str) -> list[str]:
@@ -243,7 +245,9 @@ def wait_sentence(topic: str, noun: str, waits_ns: Ints, count: int) -> str:
         return f"{topic}: {never}"
     longest_s = float(known_ns.max()) / NS_PER_S
     needed_s = needed_wait_s({topic: waits_ns}, history_s)
-    said = f"{topic}: {several(noun)} wait up to {longest_s:.3f} s for their transforms"
+    said = f"{topic}: {several(noun)} need not wait for their transforms"
+    if longest_s >= 0.0005:
+        said = f"{topic}: {several(noun)} wait up to {longest_s:.3f} s for their transforms"
     if needed_s > tf_wait_s:
         most_s = float(np.percentile(known_ns, 99)) / NS_PER_S
         said += (
