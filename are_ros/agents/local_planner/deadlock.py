@@ -4,7 +4,8 @@ Of two agents in each other's way the one of the higher priority pushes. The pus
 that priority, and so pushes the agents behind it (priority inheritance). Priorities are drawn anew
 every eight seconds by a hash of the id and that time, so no agent stays last for long. An agent
 that has to stand, as a follower behind its leader, steps aside only for one that has waited longer.
-The robot pushes the agents that stand where it is about to drive.
+The robot pushes the agents that stand where it is about to drive. Two agents that follow their
+paths towards each other swerve.
 
 The commands are written here, too: a new sub-goal forgets the deadlock on the way to the old one.
 """
@@ -249,7 +250,7 @@ def write_commands(
     """Write commands into the records of some rows (M,); `given` (M, 12) as `command_record`.
 
     An agent with a new sub-goal or speed plans at once, and forgets what obstructed the old way;
-    so does one with another planner, which is pushed no more and ends its detour.
+    so does one with another planner, which is pushed no more, ends its detour, and does not swerve.
     """
     for k in range(rows.shape[0]):
         i = rows[k]
@@ -278,4 +279,4 @@ def write_commands(
         planner = np.int64(given[k, 9])
         if planner != before.planner:
             before.planner, due[i] = planner, now
-            memory.pushed_until = memory.detour_until = now
+            memory.pushed_until = memory.detour_until = memory.swerves_until = now

@@ -44,8 +44,8 @@ class TravelModel:
     epoch, `clearance` the additional price next to a wall, `effort` (P) that of a pace in the open
     (beside walls it grows as the price does); an epoch of staying costs `rest` less. `goal` is the
     value of the goal; an agent that is not there when the epochs are over loses `late` times what
-    the rest of the way costs, and turning on it. `quarter_turn` and `half_turn` are
-    the prices of turning before a move.
+    the rest of the way costs, and turning on it. `quarter_turn` and `half_turn` are the prices of
+    turning before a move.
     """
 
     reaches: tuple[int, ...] = (1,)

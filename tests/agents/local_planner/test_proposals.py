@@ -97,6 +97,20 @@ def test_path_followers_that_meet_head_on_swerve_and_pass(
     street.run_until_there(seconds, within_m=1.0)
 
 
+def test_a_path_follower_with_another_planner_swerves_no_more() -> None:
+    """Else the dynamic window would go on in the place of a user's planner."""
+    street = Street(corridor(3.0, 20.0))
+    for one, x_m, yaw_rad, goal_m in ((1, 5.0, 0.0, 18.0), (2, 15.0, math.pi, 2.0)):
+        street.add(one, x_m, 2.0, yaw_rad, AGV)
+        street.send(one, goal_m, 2.0, planner="path_following")
+    memories = street.table.arrays.memory
+    while memories["swerves_until"][0] <= street.table.now and street.index < 200:
+        street.step()
+    assert memories["swerves_until"][0] > street.table.now
+    street.send(1, 18.0, 2.0, planner="social_force")
+    assert memories["swerves_until"][0] <= street.table.now
+
+
 def test_a_dynamic_window_swerves_where_a_path_follower_waits() -> None:
     """The same scene with the other planner, so that the test above can fail."""
     street = Street(environment(room(16.0, 8.0)))
