@@ -21,6 +21,7 @@ from are_ros.builder.files.catalogue_file import read_catalogue
 from are_ros.conventions import FREE, OCCUPIED
 from are_ros.draw.palette import BAR, END, LAW, ROBOT, WALL, WHITE, hex_of
 from are_ros.draw.plots import name_axes, written_figure
+from are_ros.parameters.model import Parameters
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
@@ -57,7 +58,9 @@ class Scene:
             x0, y0, x1, y1 = (round(v / CELL_M) for v in box)
             cells[y0:y1, x0:x1] = OCCUPIED
         grid = OccupancyGrid(cells, CELL_M, RigidTransform.identity(), "map")
-        return Environment(grid, classify(grid, 65, 25), None, PlaneGround(0.0), 0.06)
+        world = Parameters().world
+        classes = classify(grid, world.occupied_threshold, world.free_threshold)
+        return Environment(grid, classes, None, PlaneGround(), world.ground_clearance)
 
 
 SCENES: Final = (

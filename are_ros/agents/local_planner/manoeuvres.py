@@ -64,6 +64,7 @@ _OFF_M, _OFF = 0.3, -1e3  # farther aside than this, a vehicle is off its leg
 _TURNED = 0.8  # a goal elsewhere by this angle ends the leg
 _AGAIN_S = 2
 _PAST_ARC, _LEAST_ARC = 0.3, 0.5  # in turning radii; the dynamic window passes who is ahead
+_WORTH, _WORTH_AMONG = 1.0, 3.0  # so many radii nearer must one lead from where it is not open
 _AMONG, _AMONG_REACH, _PATIENCE_S = 4.0, 3.0, 2.0  # if it cannot: in radii, after a while
 _MOST_STEPS, _DIGITS = 24, 6**24  # of a manoeuvre that is kept, as a number to the base of 6
 
@@ -161,7 +162,7 @@ def _is_open(
     agents: AgentArrays,
     standing: Integers,
 ) -> tuple[bool, bool, bool]:
-    """Tell whether walls, and then others, leave open the shortest way from pose 0 to a point.
+    """Tell whether walls, and if so others, leave open the shortest way from pose 0 to a point.
 
     And whether it leads forward, as one does that goes on. Looked at are its arc, and its tangent
     up to the sub-goal, or to `reaches`: for walls, for others. If walls close it, the one arc that
@@ -191,10 +192,17 @@ def _is_open(
         pace = spacing * (1.0 + body.radius / curve)
         end = min(int(np.ceil((arc + min(tangent, reaches[0])) / spacing)), last)
         is_open, is_clear = _is_free(path, end, body, pace, margin, floor, box), True
-        if arc > _LEAST_ARC * radius or reaches[1] > radius:
+        if is_open and (arc > _LEAST_ARC * radius or reaches[1] > radius):
             end = min(int(np.ceil((arc + min(tangent, reaches[1])) / spacing)), last)
             is_clear = _is_clear(path, end, body, pace, margin, agents, standing)
     return is_open, is_clear, sense > 0.0
+
+
+@borrowing
+def _left_without_walls(pose: Floats, point: _Point, radius: float) -> float:
+    """Return the way [m] from a pose to a point, forward if it goes on there, else the shorter."""
+    forward, back = ways_left(pose[X], pose[Y], pose[YAW], point[0], point[1], radius)
+    return float(forward if point[2] > 0.0 else min(forward, back))
 
 
 @borrowing
@@ -230,9 +238,9 @@ def _find_manoeuvre(
     least = np.full((2, _YAWS, _CELLS, _CELLS), np.inf)
     _copy(poses, 0, path, 0)
     gears[0], n, count, manoeuvre = gear, 0, 1, 0
-    lefts, worth = np.full(_MOST_NODES, np.inf), radius * (1.0 if standing.shape[0] == 0 else 3.0)
-    forward, back = ways_left(path[0, X], path[0, Y], path[0, YAW], point[0], point[1], radius)
-    lefts[0] = (forward if point[2] > 0.0 else min(forward, back)) - worth
+    lefts = np.full(_MOST_NODES, np.inf)
+    worth = _WORTH if standing.shape[0] == 0 else _WORTH_AMONG
+    lefts[0] = _left_without_walls(path[0], point, radius) - worth * radius
     while True:
         is_open, is_clear, _ = _is_open(
             path, point, reaches, radius, _MARGIN_M, body, floor, box, agents, standing
@@ -260,10 +268,8 @@ def _find_manoeuvre(
             ):
                 continue
             least[option // 3, turn, row, col] = cost
-            left, back = ways_left(end[X], end[Y], end[YAW], point[0], point[1], radius)
-            left = left if point[2] > 0.0 else min(left, back)
-            costs[count], totals[count], parents[count] = cost, cost + left, n
-            lefts[count] = left
+            lefts[count] = _left_without_walls(end, point, radius)
+            costs[count], totals[count], parents[count] = cost, cost + lefts[count], n
             _copy(poses, count, path, _POSES)
             gears[count], bends[count], options[count] = sense, bend, option
             count += 1

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -127,6 +127,7 @@ def inspect_bag(
     base_frame = base_frame_of(survey.frames(), times.odometry_child)
     role_of_topic = roles.by_topic(_SENSOR_ROLES) | named
     placed = survey.connected_to(map_frame)
+    readings = _first_readings(reader, role_of_topic)
     waits = list(_waits(times, clock, role_of_topic, map_frame, given_edges, placed))
     missing = [
         *([] if map_topic or has_map_file else [_NO_MAP]),
@@ -142,7 +143,7 @@ def inspect_bag(
         *_missing_cloud_frame(survey, roles.topic(OCTOMAP), frame_ids, map_frame),
         *_missing_camera(reader, roles),
         *_missing_lenses(reader, role_of_topic),
-        *_missing_readings(reader, role_of_topic),
+        *_missing_readings(readings, role_of_topic),
         *_missing_stamps(times),
         *_missing_repeats(survey, reader.end_ns - reader.start_ns),
         *_missing_clock(clock),
@@ -164,7 +165,7 @@ def inspect_bag(
             *filter(None, (clock.sentence, clock.disagreement, trouble)),
             *(sentence for sentence, is_known in waits if is_known),
         ),
-        tuple(_misfits(reader, role_of_topic)),
+        tuple(_misfits(readings)),
     )
 
 
@@ -444,27 +445,33 @@ def _unchosen(roles: RolesFound, sensors: Mapping[str, Sequence[str]]) -> Iterab
             yield f"a choice of {several(noun_of(role))}: --topic {role}:=/NAME (see roles)"
 
 
-def _missing_readings(reader: BagReader, sensors: Mapping[str, str]) -> Iterable[str]:
-    """Say which sensors' first reading is of no use, as that of an unknown encoding."""
+def _first_readings(reader: BagReader, sensors: Mapping[str, str]) -> dict[str, Any]:
+    """Return the first reading of each sensor's topic that has any, or the error that it is."""
+    readings: dict[str, Any] = {}
     for topic, kind in sensor_topics(sensors).items():
         if (first := reader.first(topic)) is not None:
             try:
-                kind.read(reader.deserialize(first), topic)
+                readings[topic] = kind.read(reader.deserialize(first), topic)
             except AreError as cause:
-                yield f"the first {noun_of(kind.role)} is of no use: {cause}"
+                readings[topic] = cause
+    return readings
 
 
-def _misfits(reader: BagReader, sensors: Mapping[str, str]) -> Iterable[str]:
+def _missing_readings(readings: Mapping[str, Any], sensors: Mapping[str, str]) -> Iterable[str]:
+    """Say which sensors' first reading is of no use, as that of an unknown encoding."""
+    for topic, reading in readings.items():
+        if isinstance(reading, AreError):
+            yield f"the first {noun_of(sensors[topic])} is of no use: {reading}"
+
+
+def _misfits(readings: Mapping[str, Any]) -> Iterable[str]:
     """Say of which scans the first has an angle_max that does not fit: some programs drop these."""
-    for topic, kind in sensor_topics(sensors).items():
-        first = reader.first(topic)
-        with suppress(AreError):  # `_missing_readings` says so
-            reading = None if first is None else kind.read(reader.deserialize(first), topic)
-            if isinstance(reading, LaserScan) and reading.misfit:
-                yield (
-                    f"the first scan of {topic}: {reading.misfit}; its beams go by angle_min and"
-                    " angle_increment, as for Nav2; SLAM Toolbox drops such scans"
-                )
+    for topic, reading in readings.items():
+        if isinstance(reading, LaserScan) and reading.misfit:
+            yield (
+                f"the first scan of {topic}: {reading.misfit}; its beams go by angle_min and"
+                " angle_increment, as for Nav2; SLAM Toolbox drops such scans"
+            )
 
 
 def _missing_stamps(times: RecordedTimes) -> Iterable[str]:
