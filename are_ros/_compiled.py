@@ -188,10 +188,13 @@ class _QuickFlags(Flags):  # type: ignore[misc] # numba is not typed
         return hash(type(self))
 
     def __eq__(self, other: object) -> bool:
-        """Return whether all options are the same; mostly those that are set are, to begin with."""
+        """Return whether all options are the same; only those that either one sets can differ."""
         if not isinstance(other, _QuickFlags):
             return False
-        return self._values == other._values or bool(super().__eq__(other))
+        if self._values == other._values:
+            return True
+        is_set = self._values.keys() | other._values.keys()
+        return all(getattr(self, name) == getattr(other, name) for name in is_set)
 
 
 def name_of(function: Callable[..., Any]) -> str:
