@@ -1,5 +1,6 @@
 """The real environment as it arrives, kept up to date: M2D, M3D and the ground (section 3.1)."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,8 +31,8 @@ class RealWorld:
 
     The environment is in the map's frame F_E. Without a cloud the walls of the map are extruded.
     `notices` takes a sentence where a cloud that waited for its pose turns out to be useless, and
-    where a map has no free cell, once until another has. `dropped` is the last sentence about a
-    cloud that was useless, empty if there was none.
+    where a map has no free cell or no voxel of the cloud lies in it, once until that is mended.
+    `dropped` is the last sentence about a cloud that was useless, empty if there was none.
     """
 
     def __init__(
@@ -53,6 +54,7 @@ class RealWorld:
         self._pending_cloud: _Cloud | None = None
         self._map_from_cloud: RigidTransform | None = None
         self._coarsened_m: float | None = None
+        self._is_apart = False
 
     @property
     def grid(self) -> OccupancyGrid | None:
@@ -69,6 +71,7 @@ class RealWorld:
         if self._grid is None or not self._grid.is_same_map(grid):
             had_room = self.has_free_cells
             self.environment = self._built(grid, self._voxels)
+            self._note_apart(grid, self._voxels)
             if not self.has_free_cells and (had_room or self._grid is None):
                 self.notices.append(self._no_free_cell(grid))
         self._grid = grid
@@ -79,6 +82,21 @@ class RealWorld:
             f"the map has no free cell, so nobody can arrive: of {grid.cells.size} cells {unknown} "
             f"are unknown, the others above world.free_threshold, {self._parameters.free_threshold}"
         )
+
+    def _note_apart(self, grid: OccupancyGrid, voxels: VoxelMap | None) -> None:
+        """Say so if no voxel of a cloud lies in the map: it hides nobody then."""
+        if voxels is None or not voxels.occupied_count:
+            return
+        was_apart = self._is_apart
+        inside = grid.contains(grid.points_to_cells(voxels.centres_m()[:, :2]))
+        self._is_apart = not inside.any()
+        if self._is_apart and not was_apart:
+            (x0_m, y0_m, _), (x1_m, y1_m, _) = voxels.bounds_m().tolist()
+            self.notices.append(
+                f"no voxel of the octomap lies in the map: it is at x {x0_m:.1f} to {x1_m:.1f} m, "
+                f"y {y0_m:.1f} to {y1_m:.1f} m of the frame '{self._map_frame}', so that no wall "
+                "hides an artefact; is its frame right?"
+            )
 
     def set_cloud(
         self,
@@ -137,6 +155,7 @@ class RealWorld:
         self._coarsened_m = voxels.cloud_voxel_m
         if self._grid is not None:
             self.environment = self._built(self._grid, voxels)
+            self._note_apart(self._grid, voxels)
         self._voxels, self._pending_cloud = voxels, None
         self._map_from_cloud = map_from_cloud
 
@@ -193,7 +212,7 @@ def _said_of_size(voxels: VoxelMap, cloud_voxel_m: float) -> str:
         f"{voxels.occupied_count} of {size_m:g} m"
     )
     times = size_m / cloud_voxel_m
-    if times == round(times):
+    if math.isclose(times, round(times)):
         return said
     return f"{said}; that is no multiple, so that walls are off by up to {cloud_voxel_m / 2:g} m"
 

@@ -2,8 +2,8 @@
 
 import heapq
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, Final, NamedTuple
@@ -43,7 +43,7 @@ from are_ros.checks.oracle.frames import ODOMETRY, PREFERRED_ODOMETRY, TF, Frame
 from are_ros.checks.oracle.solids import Cloud, RealMap
 from are_ros.checks.result import Tally, at_s
 from are_ros.checks.sensors.colours import ColourFrame, ImagePairs
-from are_ros.checks.sensors.depth_images import DepthFrame, info_topic
+from are_ros.checks.sensors.depth_images import DepthFrame, holds_depths, info_topic
 from are_ros.checks.sensors.samples import BEAMS, SensorCloud
 from are_ros.checks.sensors.scan_pairs import Kept, ScanPairs
 from are_ros.conventions import NS_PER_S, seconds_to_ns
@@ -95,9 +95,9 @@ class Record:
     artefacts, as it was paused or shut down; `farewell_messages` are the lists of the perceived
     and the metrics that it published then. `walls` is "map" or "octomap", or empty if unknown.
     `clouds` are the octomaps of the input, and `octomaps` some of the augmented ones; `has_clouds`
-    tells that clouds of sensors went out, `has_depths` and `has_images` that images of depths and
-    of colours did; `paintings` are the latter, with what was told of them, and `artefact_boxes` and
-    `perceived_boxes` are messages by stamp.
+    tells that clouds of sensors went out, `has_images` that images of colours did, which are the
+    `paintings`, with what was told of them; `artefact_boxes` and `perceived_boxes` are messages by
+    stamp. `depths` are the topics of images of depths, empty if none went out.
     `infos_of_depths` are topics whose CameraInfo is that of such images only, and not the robot's
     camera. `meshes` are the triangles (F, 3, 3) in F_A that markers show, by the artefact's id,
     where there are images of depths or augmented octomaps.
@@ -109,7 +109,7 @@ class Record:
     walls: str = ""
     topics: frozenset[str] = frozenset()
     has_clouds: bool = False
-    has_depths: bool = False
+    depths: frozenset[str] = frozenset()
     has_images: bool = False
     infos_of_depths: frozenset[str] = frozenset()
     scenes: list[Scene] = field(default_factory=list)
@@ -300,10 +300,11 @@ class Record:
         if topic.startswith(PREFIX) and topic.endswith("/mask"):
             self.paintings.add_told(topic, message)
             return
-        depths = DepthFrame.of_message(message, at_ns) if self.has_depths else None
-        if depths is not None:
-            self.scans.add(topic, depths)
-        elif self.has_images and "depth" not in topic.lower():
+        if topic in self.depths:
+            depths = DepthFrame.of_message(message, at_ns)
+            if depths is not None:
+                self.scans.add(topic, depths)
+        elif self.has_images:
             colours = ColourFrame.of_message(message, at_ns)
             if colours is not None:
                 self.paintings.add(topic, colours, self.scans.infos)
@@ -372,17 +373,6 @@ def real_map(grid: Grid) -> RealMap:
     return RealMap(grid.cells, grid.resolution_m, grid.corner, height_m, grid.frame_id, grid.at_ns)
 
 
-def _is_painted(topic: str, types: Mapping[str, str]) -> bool:
-    """Tell whether a topic is of painted images."""
-    is_image = topic.startswith(PREFIX) and types[topic] in _IMAGES
-    return is_image and "depth" not in topic.lower() and not topic.endswith("/mask")
-
-
-def _is_depth(topic: str, types: Mapping[str, str]) -> bool:
-    """Tell whether a topic is of images of depths, by its type and its name."""
-    return types[topic] in _IMAGES and "depth" in topic.lower()
-
-
 def _without_repeats(maps: list[RealMap]) -> list[RealMap]:
     """Leave out maps that came again as they were: latched ones do."""
     kept: list[RealMap] = []
@@ -431,15 +421,25 @@ class Reading:
         has_clouds = any(
             topic.startswith(PREFIX) and topic != PREFIX + AUGMENTED_OCTOMAP for topic in clouds
         )
-        has_depths = any(_is_depth(topic, types) for topic in types if topic.startswith(PREFIX))
-        self._has_meshes = has_depths or PREFIX + AUGMENTED_OCTOMAP in types
+        images = {topic for topic, type_name in types.items() if type_name in _IMAGES}
+        painted = {topic for topic in images if topic.startswith(PREFIX)}
+        of_depths = frozenset(topic for topic in images if self._holds_depths(topic))
+        depths = of_depths if painted & of_depths else frozenset[str]()
+        self._has_meshes = bool(depths) or PREFIX + AUGMENTED_OCTOMAP in types
         infos = {topic for topic, type_name in types.items() if type_name == _INFO}
         inputs = {topic for topic in infos if not topic.startswith(PREFIX)}
-        of_depths = {info_topic(topic) for topic in types if _is_depth(topic, types)}
-        self.record = Record(self._parameters, is_live, walls, self.topics, has_clouds, has_depths)
-        self.record.has_images = any(_is_painted(topic, types) for topic in types)
-        self.record.infos_of_depths = frozenset(of_depths if inputs - of_depths else ())
+        of_others = inputs.difference(map(info_topic, of_depths))
+        self.record = Record(self._parameters, is_live, walls, self.topics, has_clouds, depths)
+        self.record.has_images = any(not name.endswith("/mask") for name in painted - of_depths)
+        self.record.infos_of_depths = frozenset(map(info_topic, of_depths) if of_others else ())
         return self
+
+    def _holds_depths(self, topic: str) -> bool:
+        """Tell whether the first image of a topic is one of depths; of none, it is not."""
+        for message in self._recording.messages({topic}):
+            with suppress(AreError, ValueError, OverflowError):
+                return holds_depths(self._recording.decode(message))
+        return False
 
     def __exit__(self, *error: object) -> None:
         self._recording.__exit__(*error)

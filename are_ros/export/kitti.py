@@ -147,7 +147,8 @@ def _add(
     level = level_frame(map_from_camera)
     camera_from_level = (map_from_camera.inverse() @ level).rotation_matrix()
     intrinsics = np.array(((view.fx, 0.0, view.cx), (0.0, view.fy, view.cy), (0.0, 0.0, 1.0)))
-    projection = np.column_stack((intrinsics @ camera_from_level, np.zeros(3)))
+    turned = view.rectification() @ camera_from_level
+    projection = np.column_stack((intrinsics @ turned, np.zeros(3)))
     labels = []
     is_after = 2 * cloud.stamp_ns >= interval.before.scene.stamp_ns + interval.after.scene.stamp_ns
     nearest = interval.after if is_after else interval.before

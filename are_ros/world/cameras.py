@@ -249,7 +249,8 @@ class PinholeView(ViewModel):
 
         NaN for what is behind the camera, or where the lens model is not one to one.
         """
-        points = product(points_m, self._rotation().T) if self.rectified_from_camera else points_m
+        is_turned = bool(self.rectified_from_camera)
+        points = product(points_m, self.rectification().T) if is_turned else points_m
         x, y, z = points.T
         depths = np.where(z > 0.0, z, np.nan)
         x, y = x / depths, y / depths
@@ -261,7 +262,8 @@ class PinholeView(ViewModel):
         pixels[:, 0], pixels[:, 1] = self.fx * x + self.cx, self.fy * y + self.cy
         return pixels
 
-    def _rotation(self) -> npt.NDArray[np.float64]:
+    def rectification(self) -> npt.NDArray[np.float64]:
+        """Return R (3, 3), which turns the camera's frame into that of a rectified image."""
         numbers = self.rectified_from_camera
         return np.array(numbers).reshape(3, 3) if numbers else np.eye(3)
 
@@ -274,7 +276,7 @@ class PinholeView(ViewModel):
     def _rays_to_depth(self) -> npt.NDArray[np.float64]:
         slopes = self._slopes()
         rays = np.concatenate((slopes, np.ones((*slopes.shape[:2], 1))), axis=2)
-        return product(rays, self._rotation())
+        return product(rays, self.rectification())
 
     def _rays(self) -> npt.NDArray[np.float64]:
         return self._rays_to_depth

@@ -137,6 +137,7 @@ def test_a_cloud_that_is_made_coarser_is_said_once(room: Room) -> None:
     centres = (np.argwhere(np.ones((4, 4, 8))) + 0.5) * 0.05
     for size_m, said in (
         (0.1, "the cloud's voxels of 0.05 m become 16 of 0.1 m"),
+        (0.15, "the cloud's voxels of 0.05 m become 12 of 0.15 m"),
         (0.08, "become 45 of 0.08 m; that is no multiple, so that walls are off by up to 0.025 m"),
     ):
         real, _ = world(voxel_size=size_m)
@@ -145,6 +146,24 @@ def test_a_cloud_that_is_made_coarser_is_said_once(room: Room) -> None:
         real.set_cloud(centres[:-1], None, "map")
         (sentence,) = real.notices
         assert sentence.endswith(said)
+
+
+def test_a_cloud_that_lies_beside_the_map_is_said_once(room: Room) -> None:
+    """Whichever comes first, and again after one that lies in it."""
+    away = CUBE + np.array((300.0, 0.0, 0.0))
+    for map_first in (True, False):
+        real, _ = world()
+        if map_first:
+            real.set_grid(room())
+        real.set_cloud(away, None, "map")
+        real.set_grid(room())
+        assert len(real.notices) == 1
+        for cloud in (away + 1.0, CUBE, away):
+            real.set_cloud(cloud, None, "map")
+        assert len(real.notices) == 2
+        assert real.notices[0].startswith(
+            "no voxel of the octomap lies in the map: it is at x 300.0 to 300.4 m, y 0.0 to 0.4 m"
+        )
 
 
 def test_a_cloud_is_placed_by_the_newest_pose_of_its_frame(room: Room) -> None:

@@ -421,3 +421,32 @@ def test_images_masks_and_boxes_of_coco_fit_together(
         assert is_painted[mask].mean() > 0.95
         state = outputs.kinds[one["artefact_id"]]
         assert (names[one["category_id"]], one["label"]) == (state.class_name, state.label)
+
+
+def test_calibration_of_kitti_turns_what_a_rectified_image_shows(
+    cloud_replay: Path, run_are: RunAre, tmp_path: Path
+) -> None:
+    """P2 has the rotation R of the CameraInfo in it, about which a rectified image is turned."""
+    turn = cv2.Rodrigues(np.array((0.05, -0.12, 0.03)))[0]
+    tape = Tape.of(cloud_replay)
+
+    def rectify(info: Any) -> None:
+        info.r, info.p = turn.ravel(), np.column_stack((info.k.reshape(3, 3), np.zeros(3))).ravel()
+
+    intrinsics = tape.last("/camera/camera_info").k.reshape(3, 3)
+    parameters = tmp_path / "effective.yaml"
+    text = tape.parameters.read_text(encoding="utf-8")
+    assert "rectified: false" in text
+    parameters.write_text(text.replace("rectified: false", "rectified: true"), encoding="utf-8")
+    turned = tape.edited("/camera/camera_info", rectify, 0.0, 99.0)
+    projections = []
+    for number, one in enumerate((tape, replace(turned, parameters=parameters))):
+        folder = tmp_path / f"set_{number}"
+        run = one.write(tmp_path / f"run_{number}")
+        assert run_are("export", run, "--kitti", folder).returncode == 0
+        calibration = read_frame(folder / "training", "000000")[2]
+        projections.append(calibration["P2"].reshape(3, 4))
+    plain, rectified = projections
+    expected = intrinsics @ turn @ np.linalg.inv(intrinsics) @ plain
+    assert rectified == pytest.approx(expected, abs=1e-6)
+    assert not np.allclose(rectified, plain, atol=1.0)

@@ -1,6 +1,8 @@
 """A replay of a recording with images of depths, raw and compressed, judged by `are check`."""
 
+import re
 import struct
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ import pytest
 
 from are_ros.bag.reader import BagReader
 from bags.simulation.making import RosbagsFactory
+from tests.checks.test_live import Tape
 from tests.replay.conftest import MANY, Records, RunAre, WriteBag
 
 WIDTH, HEIGHT, PADDING = 80, 60, 6
@@ -104,6 +107,28 @@ def test_depths_pass_the_checks(replay: Path, run_are: RunAre) -> None:
     (anew,) = [line for line in done.stdout.splitlines() if line.startswith("depth images")]
     assert "passed" in anew
     assert int(anew.split(",")[1].split()[0]) > 100_000
+
+
+def test_images_of_depths_are_known_by_what_they_hold(
+    replay: Path, run_are: RunAre, tmp_path: Path
+) -> None:
+    """Whatever their topics are called: as many are judged as under a usual name."""
+
+    def renamed(topic: str) -> str:
+        return topic.replace("/depth", "").replace("kinect", "left").replace("tof", "right")
+
+    tape = Tape.of(replay)
+    entries = tuple((log_ns, renamed(topic), data) for log_ns, topic, data in tape.entries)
+    types = {renamed(topic): kind for topic, kind in tape.types.items()}
+    run = replace(tape, entries=entries, types=types).write(tmp_path / "run")
+    found = []
+    for folder in (replay, run):
+        done = run_are("check", folder)
+        assert done.returncode == 0, done.stdout + done.stderr
+        found += re.findall(r"(\d+) depth images of \d+ pixels", done.stdout)
+        assert "painted images" not in done.stdout
+    assert len(found) == 2
+    assert found[0] == found[1]
 
 
 def test_each_image_goes_out_with_its_camera_info(replay: Path) -> None:

@@ -173,11 +173,11 @@ class DepthFrame:
 
         ValueError where the message is malformed.
         """
+        if not holds_depths(message):
+            return None
         when = read_time(message.header.stamp), at_ns, str(message.header.frame_id).lstrip("/")
         if hasattr(message, "format"):
             return cls._of_compressed(message, *when)
-        if message.encoding not in _KINDS:
-            return None
         kind = np.dtype((">" if message.is_bigendian else "<") + _KINDS[message.encoding])
         rows = np.asarray(message.data, np.uint8).reshape(message.height, message.step)
         used = message.width * kind.itemsize
@@ -188,14 +188,9 @@ class DepthFrame:
         return cls(*when, numbers, rest, code)
 
     @classmethod
-    def _of_compressed(
-        cls, message: Any, stamp_ns: int, at_ns: int, frame_id: str
-    ) -> "DepthFrame | None":
+    def _of_compressed(cls, message: Any, stamp_ns: int, at_ns: int, frame_id: str) -> "DepthFrame":
         import cv2
 
-        encoding, _, transport = str(message.format).partition(";")
-        if "compressedDepth" not in transport or encoding.strip() not in _KINDS:
-            return None
         data = np.asarray(message.data, np.uint8)
         try:
             numbers = cv2.imdecode(data[_HEADER.size :], cv2.IMREAD_UNCHANGED)
@@ -204,10 +199,18 @@ class DepthFrame:
         if numbers is None or numbers.ndim != 2:
             raise ValueError("its PNG cannot be decoded")
         _, a, b = _HEADER.unpack(data[: _HEADER.size].tobytes())
-        is_inverse = encoding.strip() == "32FC1"
+        is_inverse = str(message.format).partition(";")[0].strip() == "32FC1"
         rest = (numbers.shape, message.format, data[: _HEADER.size].tobytes())
         code = _INVERSE if is_inverse else _MILLIMETRES
         return cls(stamp_ns, at_ns, frame_id, numbers, rest, code, (a, b))
+
+
+def holds_depths(message: Any) -> bool:
+    """Tell whether an Image or CompressedImage says that it is one of depths."""
+    if not hasattr(message, "format"):
+        return message.encoding in _KINDS
+    encoding, _, transport = str(message.format).partition(";")
+    return "compressedDepth" in transport and encoding.strip() in _KINDS
 
 
 def changed_pixels(real: DepthFrame, output: DepthFrame) -> tuple[str, NDArray[np.int64], Bools]:
