@@ -11,6 +11,7 @@ from rclpy.exceptions import InvalidTopicNameException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.qos import qos_profile_parameter_events
 
 from are_ros.bag.decoded import value_of
 from are_ros.draw.scene import Moment
@@ -47,6 +48,7 @@ _WAY_TICKS: Final = 100
 _DRAW_WAYS_EVERY: Final = 10
 _SLIDER_STEPS: Final = 200
 _MARGIN_M: Final = 6.0
+_PAUSE: Final = "pause"
 
 
 def view_live_command(say: Say, namespace: str, port: int) -> None:
@@ -171,6 +173,8 @@ class LiveView:
         self._shown_revision = -1
         self.ticks: deque[Moment] = deque(maxlen=_WAY_TICKS)
         self._count = 0
+        self.sliders: dict[str, Any] = {}
+        """The handles of the sliders, by the paths of their parameters."""
         self._reader = SceneReader(parameters, self._show, has_camera_info=True, is_live=True)
         try:
             self._subscribe()
@@ -211,6 +215,9 @@ class LiveView:
         for name, (role, kind) in outputs.items():
             take, topic = self._callback(role, kind), f"{remote.name}/{name}"
             node.create_subscription(message_class(kind), topic, take, output_qos(name))
+        events = message_class("rcl_interfaces/msg/ParameterEvent")
+        qos = qos_profile_parameter_events
+        node.create_subscription(events, "/parameter_events", self._follow, qos)
 
     def _callback(self, role: str, type_name: str) -> Callable[[Any], None]:
         """Return the callback for a role; a message that is refused is not shown."""
@@ -264,8 +271,10 @@ class LiveView:
         gui = self._server.gui
         self._counts = gui.add_markdown("waiting for the map and the node's artefacts")
         self._status = gui.add_markdown("")
-        paused = gui.add_checkbox("pause", False, hint="The node's service ~/pause.")
-        paused.on_update(lambda _: self._request(lambda: self.pause(is_paused=paused.value)))
+        artefacts = gui.add_button_group(
+            "artefacts", (_PAUSE, "go on"), hint="The node's service ~/pause."
+        )
+        artefacts.on_click(lambda _: self._ask_pause(is_paused=artefacts.value == _PAUSE))
         self._follows_camera = gui.add_checkbox("look through the robot's camera", False)
         with gui.add_folder("place an artefact"):
             rows = self._labels()
@@ -301,7 +310,27 @@ class LiveView:
             hint=item.text,
         )
         kind = int if type(item.default) is int else float
-        slider.on_update(lambda _: self._request(lambda: self._set(item.path, kind(slider.value))))
+        self.sliders[item.path] = slider
+
+        def send(event: Any) -> None:
+            if event.client is not None:  # else the slider follows the node
+                self._request(lambda: self._set(item.path, kind(slider.value)))
+
+        slider.on_update(send)
+
+    def _follow(self, event: Any) -> None:
+        """Move the sliders of the node's parameters that somebody has set."""
+        if event.node != self._remote.name:
+            return
+        for parameter in event.changed_parameters:
+            slider = self.sliders.get(parameter.name)
+            if slider is not None:
+                value = type(slider.value)(parameter_value_to_python(parameter.value))
+                slider.min, slider.max = min(slider.min, value), max(slider.max, value)
+                slider.value = value
+
+    def _ask_pause(self, *, is_paused: bool) -> None:
+        self._request(lambda: self.pause(is_paused=is_paused))
 
     def _request(self, request: Callable[[], str]) -> None:
         self._requests.put(request)

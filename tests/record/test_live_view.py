@@ -74,6 +74,9 @@ def test_it_shows_the_running_node_and_changes_what_can_change(ros_available: No
         assert remote.set_parameter("population.mean_life", 77.0) == ""
         assert remote.parameters().population.mean_life == pytest.approx(77.0)
         assert "below" in remote.set_parameter("population.mean_life", 0.0)
+        until(lambda: live.sliders["population.mean_life"].value == pytest.approx(77.0))
+        assert remote.set_parameter("population.mean_life", 1e6) == ""
+        until(lambda: live.sliders["population.mean_life"].value == pytest.approx(1e6))
 
         live.clicked((0.0, 0.0, 5.0), (0.0, 0.0, -1.0))
         until(lambda: live.answer != "")
