@@ -3,7 +3,7 @@
 Every tick has its artefacts, perceived and metrics, stamped alike, at its time, in the world frame.
 """
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from statistics import median
@@ -143,11 +143,15 @@ def _lag_text(lags_ns: list[int]) -> str:
 def check_lives(record: Record) -> CheckResult:
     """Ids are never reused, and each tick lists the artefacts that arrived and did not depart.
 
-    Their behaviours change only with an event.
+    Their behaviours change only with an event. A node that was configured or started again begins
+    with new ids.
     """
     tally = Tally("lives", "tick")
-    story = _LivingArtefacts(tally)
+    story, begun_ns = _LivingArtefacts(tally), deque(_begun_anew_ns(record))
     for scene, events, since_ns in events_by_tick(record):
+        while begun_ns and begun_ns[0] <= scene.at_ns:
+            begun_ns.popleft()
+            story = _LivingArtefacts(tally)
         if record.runs.is_fresh(scene.stamp_ns):
             story.begin_with(scene)
             continue
@@ -165,6 +169,14 @@ def check_lives(record: Record) -> CheckResult:
         story.compare(scene)
         _check_spans(tally, scene, story.arrived_ns)
     return tally.result()
+
+
+def _begun_anew_ns(record: Record) -> list[int]:
+    """Return when a live node was configured or started again: it counts arrivals from none."""
+    if not record.is_live:
+        return []
+    pairs = pairwise(sorted(record.metrics, key=lambda message: message.at_ns))
+    return [after.at_ns for before, after in pairs if after.arrivals < before.arrivals]
 
 
 class _LivingArtefacts:

@@ -4,7 +4,7 @@ import csv
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
@@ -20,6 +20,12 @@ COLUMNS: Final = (
     *("behaviour", "activity", "perceived", "visible_fraction", "cameras"),
 )
 """Poses of F_A in the map's frame [m]; velocities [m/s, rad/s] and sizes [m] along F_A's axes."""
+
+
+class _Life(NamedTuple):
+    artefact_id: int
+    label: str
+    arrival_ns: int
 
 
 def export_tracks(recording: Path, folder: Path, open_progress: OpenProgress) -> str:
@@ -45,25 +51,27 @@ def _write(
 ) -> tuple[int, int, int]:
     """Write table and files; return the numbers of artefacts, of ticks, and of robot's poses."""
     table.writerow(COLUMNS)
-    lines: dict[tuple[int, str], list[str]] = {}
+    lines: dict[_Life, list[str]] = {}
+    files: dict[str, list[_Life]] = {}
     robot: list[str] = []
-    count = ticks = 0
+    ticks = 0
     for tick in reader.read(open_progress, {}):
         ticks += 1
         table.writerows(_rows(tick))
         scene = tick.scene
-        alive = list(zip(scene.ids.tolist(), scene.labels, strict=True))
+        numbers = scene.ids.tolist(), scene.labels, scene.arrivals_ns.tolist()
+        alive = [_Life(*life) for life in zip(*numbers, strict=True)]
         for key in [key for key in lines if key not in set(alive)]:
-            count += _save(tum, key, lines.pop(key))
+            _save(tum, key, files, lines.pop(key))
         for key, pose in zip(alive, scene.poses.tolist(), strict=True):
             lines.setdefault(key, []).append(_tum_line(scene.stamp_ns, pose))
         if (base := tick.map_from_base) is not None:
-            numbers = (*base.translation_m.tolist(), *base.rotation_xyzw.tolist())
-            robot.append(_tum_line(scene.stamp_ns, numbers))
+            pose = (*base.translation_m.tolist(), *base.rotation_xyzw.tolist())
+            robot.append(_tum_line(scene.stamp_ns, pose))
     for key in list(lines):
-        count += _save(tum, key, lines.pop(key))
+        _save(tum, key, files, lines.pop(key))
     (tum / ROBOT).write_text("".join(robot), encoding="utf-8")
-    return count, ticks, len(robot)
+    return sum(map(len, files.values())), ticks, len(robot)
 
 
 def _rows(tick: TrueTick) -> list[list[Any]]:
@@ -89,9 +97,17 @@ def _tum_line(stamp_ns: int, pose: Sequence[float]) -> str:
     return " ".join((f"{seconds}.{nanoseconds:09d}", *(f"{value:.9g}" for value in pose))) + "\n"
 
 
-def _save(tum: Path, key: tuple[int, str], lines: list[str]) -> int:
-    number, label = key
-    name = re.sub(r"[^\w.-]", "_", label)
-    with (tum / f"{name}_{number}.txt").open("a", encoding="utf-8") as file:
+def _save(tum: Path, life: _Life, files: dict[str, list[_Life]], lines: list[str]) -> None:
+    """Write lines of a life to its file; one of the same id, of a later start of the node, has _2.
+
+    `files` are the lives by the names of the files.
+    """
+    label = re.sub(r"[^\w.-]", "_", life.label)
+    name = f"{label}_{life.artefact_id}"
+    lives = files.setdefault(name, [])
+    if life not in lives:
+        lives.append(life)
+    again = lives.index(life) + 1
+    file_name = f"{name}.txt" if again == 1 else f"{name}_{again}.txt"
+    with (tum / file_name).open("a", encoding="utf-8") as file:
         file.writelines(lines)
-    return 1
