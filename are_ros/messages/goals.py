@@ -1,6 +1,6 @@
 """Messages of the navigation stack and of rviz: paths, clicked points, stamped poses."""
 
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -8,6 +8,8 @@ import numpy.typing as npt
 from are_ros.errors import InputError
 from are_ros.messages.common import read_header, read_pose, read_vector
 from are_ros.world.rigid_transform import RigidTransform
+
+_FARTHEST_M: Final = 1e9
 
 
 class StampedPoints(NamedTuple):
@@ -43,4 +45,6 @@ def _checked(
 ) -> StampedPoints:
     if not np.isfinite(points).all():
         raise InputError(f"{field} holds a position that is not finite")
+    if not (np.abs(points) < _FARTHEST_M).all():
+        raise InputError(f"{field} holds a position farther than {_FARTHEST_M:g} m from the origin")
     return StampedPoints(frame_id, stamp_ns, points)

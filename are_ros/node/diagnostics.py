@@ -190,7 +190,7 @@ def _verdict(entry: InputSnapshot, active_s: float) -> tuple[Level, str]:
 def _nothing_yet(entry: InputSnapshot, active_s: float) -> tuple[Level, str]:
     if not entry.is_required:
         return Level.OK, "no message yet; the node works without"
-    if active_s < GRACE_S:
+    if active_s < GRACE_S or _is_new(entry):
         return Level.OK, "no message yet"
     return Level.ERROR, f"no message for {active_s:.0f} s{_why_nothing(entry)}"
 
@@ -202,12 +202,21 @@ def _why_nothing(entry: InputSnapshot) -> str:
     return f", though {entry.topic} has {publishers}; is its QoS compatible?"
 
 
+def _is_new(entry: InputSnapshot) -> bool:
+    """Tell whether a publisher has come so lately that nothing need have come from it."""
+    return bool(entry.publishers) and entry.published_s < GRACE_S
+
+
 def input_doubts(snapshot: NodeSnapshot) -> list[str]:
     """Return a sentence for each required input of which nothing has come for a while."""
     if snapshot.active_s < GRACE_S:
         return []
-    lacking = [one for one in snapshot.inputs if one.is_required and one.age_s is None]
+    lacking = [one for one in _lacking(snapshot) if not _is_new(one)]
     return [f"no message of {one.topic} yet{_why_nothing(one)}" for one in lacking]
+
+
+def _lacking(snapshot: NodeSnapshot) -> list[InputSnapshot]:
+    return [one for one in snapshot.inputs if one.is_required and one.age_s is None]
 
 
 def robot_doubt(snapshot: NodeSnapshot) -> str:
@@ -215,7 +224,7 @@ def robot_doubt(snapshot: NodeSnapshot) -> str:
 
     Without the required inputs there is none: those come first.
     """
-    is_early = snapshot.active_s < GRACE_S or bool(input_doubts(snapshot))
+    is_early = snapshot.active_s < GRACE_S or bool(_lacking(snapshot))
     problem = "" if is_early else snapshot.robot_problem
     return f"no pose of the robot, so nothing is perceived: {problem}" if problem else ""
 

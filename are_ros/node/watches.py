@@ -305,6 +305,8 @@ class InputSnapshot:
     is_latched: bool = False
     """It comes once, or when it changes; so it never goes stale."""
     publishers: int = 0
+    published_s: float = 0.0
+    """For so long there has been a publisher."""
 
     @property
     def rate_hz(self) -> float | None:
@@ -322,6 +324,7 @@ class InputWatch:
         self.last_refusal = ""
         self._stamps: deque[int] = deque(maxlen=_MOST_STAMPS)
         self._refusals = CountWatch(LATELY_NS)
+        self._published_ns: int | None = None
 
     def received(self, now_ns: int) -> None:
         """Count a message, whether or not it will be refused."""
@@ -336,8 +339,15 @@ class InputWatch:
         self.last_refusal = sentence
         self._refusals.update(now_ns, self.refused_count)
 
-    def snapshot(self, now_ns: int, role: str, topic: str, **known: Any) -> InputSnapshot:
+    def snapshot(
+        self, now_ns: int, role: str, topic: str, publishers: int = 0, **known: Any
+    ) -> InputSnapshot:
         """Return the input at this moment; `known` are further fields."""
+        if not publishers:
+            self._published_ns = None
+        elif self._published_ns is None:
+            self._published_ns = now_ns
+        since_ns = now_ns if self._published_ns is None else self._published_ns
         return InputSnapshot(
             role,
             topic,
@@ -347,6 +357,8 @@ class InputWatch:
             last_refusal=self.last_refusal,
             age_s=(now_ns - self._stamps[-1]) / NS_PER_S if self._stamps else None,
             period_s=self._period_s(),
+            publishers=publishers,
+            published_s=(now_ns - since_ns) / NS_PER_S,
             **known,
         )
 
@@ -361,7 +373,7 @@ class InputWatch:
 
 
 GRACE_S: Final = 5.0
-"""For this long after activation a missing input is no error."""
+"""For so long after activation, or from its first publisher on, a missing input is no error."""
 
 
 class Lasting:

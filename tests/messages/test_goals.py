@@ -50,6 +50,13 @@ def test_positions_that_are_not_finite_are_refused(factory: RosbagsFactory) -> N
         read_clicked_point(make_clicked_point(factory, points), "/clicked_point")
 
 
+def test_positions_that_are_nowhere_on_earth_are_refused(factory: RosbagsFactory) -> None:
+    """A sentence with such a number is 300 digits long."""
+    points = StampedPoints("map", 4, np.array([[1e300, 2.0, 3.0]]))
+    with pytest.raises(InputError, match=r"^/c: point holds a position farther than 1e\+09 m"):
+        read_clicked_point(make_clicked_point(factory, points), "/c")
+
+
 def test_a_stamped_pose_is_read(factory: RosbagsFactory) -> None:
     """Frame, stamp and pose of a request."""
     pose = RigidTransform.planar(1.0, 2.0, 0.5)

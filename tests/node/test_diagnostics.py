@@ -96,7 +96,8 @@ def test_a_required_input_that_never_came() -> None:
     assert of_input(nothing, 4.9) == (Level.OK, "no message yet")
     expected = (Level.ERROR, "no message for 8 s: nobody publishes /map")
     assert of_input(nothing, 8.0) == expected
-    level, message = of_input(replace(nothing, publishers=1), 8.0)
+    assert of_input(replace(nothing, publishers=1, published_s=4.9), 8.0)[0] is Level.OK
+    level, message = of_input(replace(nothing, publishers=1, published_s=5.0), 8.0)
     assert level is Level.ERROR
     assert message == "no message for 8 s, though /map has 1 publisher; is its QoS compatible?"
 

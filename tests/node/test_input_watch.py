@@ -26,6 +26,15 @@ def test_nothing_is_said_of_what_never_came() -> None:
     assert nothing.rate_hz is None
 
 
+def test_a_publisher_is_new_from_when_it_came() -> None:
+    """Another time after all have gone."""
+    watch, seen = InputWatch(), []
+    for time_s, publishers in ((1, 0), (2, 1), (5, 2), (6, 0), (7, 1), (9, 1)):
+        snapshot = watch.snapshot(time_s * NS_PER_S, "map", "/map", publishers)
+        seen.append((snapshot.publishers, snapshot.published_s))
+    assert seen == [(0, 0.0), (1, 0.0), (2, 3.0), (0, 0.0), (1, 0.0), (1, 2.0)]
+
+
 def test_one_message_has_an_age_and_no_rate() -> None:
     """A rate takes two."""
     figures = at(fed(range(1000, 1001)), 1500 * MS)

@@ -431,7 +431,7 @@ class KnownWalls:
         elif record.walls == "octomap" and len(record.clouds) != 1:
             self.doubt = "the walls are those of an octomap that is not in the recording"
         elif record.walls == "octomap" and self._of_cloud(record.clouds[0]) is None:
-            self.doubt = "the octomap has leaves of several sizes, or is in another frame"
+            self.doubt = "the octomap is no lattice of voxels of one size, or in another frame"
         elif record.walls == "map" and not record.maps:
             self.doubt = record.why_no_map()
 
