@@ -283,6 +283,7 @@ def test_images_get_their_lens_from_the_camera_info_beside_them(
     assert len(cameras) == (2 if role == "camera/camera_info" else 0)
     assert refusals.counts == {"/d/image": 3, "/d/camera_info": 2}
     assert refusals.sentences == {
-        "/d/image": "/d/image: encoding 'rgb8' holds no depth; known are 16UC1, mono16, 32FC1",
+        "/d/image": "/d/image: encoding 'rgb8' holds no depth; known are 16UC1, mono16, 32FC1,"
+        " and images of colours have the role image",
         "/d/camera_info": "/d/camera_info: k is all zeros, so this camera is not calibrated",
     }
