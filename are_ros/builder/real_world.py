@@ -84,14 +84,17 @@ class RealWorld:
         )
 
     def _note_apart(self, grid: OccupancyGrid, voxels: VoxelMap | None) -> None:
-        """Say so if no voxel of a cloud lies in the map: it hides nobody then."""
-        if voxels is None or not voxels.occupied_count:
+        """Say so if a cloud lies wholly beside the map: it hides nobody then."""
+        if voxels is None or not voxels.occupied.size:
             return
         was_apart = self._is_apart
-        inside = grid.contains(grid.points_to_cells(voxels.centres_m()[:, :2]))
-        self._is_apart = not inside.any()
+        corners = np.array([(i * grid.height, j * grid.width) for i in (0, 1) for j in (0, 1)])
+        corners_m = grid.cells_to_points(corners - 0.5)
+        low_m, high_m = voxels.bounds_m()[:, :2]
+        beyond = (corners_m.max(axis=0) < low_m) | (corners_m.min(axis=0) > high_m)
+        self._is_apart = bool(beyond.any())
         if self._is_apart and not was_apart:
-            (x0_m, y0_m, _), (x1_m, y1_m, _) = voxels.bounds_m().tolist()
+            (x0_m, y0_m), (x1_m, y1_m) = low_m.tolist(), high_m.tolist()
             self.notices.append(
                 f"no voxel of the octomap lies in the map: it is at x {x0_m:.1f} to {x1_m:.1f} m, "
                 f"y {y0_m:.1f} to {y1_m:.1f} m of the frame '{self._map_frame}', so that no wall "

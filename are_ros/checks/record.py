@@ -436,9 +436,10 @@ class Reading:
 
     def _holds_depths(self, topic: str) -> bool:
         """Tell whether the first image of a topic is one of depths; of none, it is not."""
-        for message in self._recording.messages({topic}):
-            with suppress(AreError, ValueError, OverflowError):
-                return holds_depths(self._recording.decode(message))
+        with suppress(Exception):  # a damaged file is a fault when all of it is read
+            for message in self._recording.messages({topic}):
+                with suppress(AreError, ValueError, OverflowError):
+                    return holds_depths(self._recording.decode(message))
         return False
 
     def __exit__(self, *error: object) -> None:

@@ -1,6 +1,7 @@
 """A replay of a recording with images of depths, raw and compressed, judged by `are check`."""
 
 import re
+import shutil
 import struct
 from dataclasses import replace
 from pathlib import Path
@@ -129,6 +130,23 @@ def test_images_of_depths_are_known_by_what_they_hold(
         assert "painted images" not in done.stdout
     assert len(found) == 2
     assert found[0] == found[1]
+
+
+def test_a_damaged_recording_of_depths_is_a_result(
+    replay: Path, run_are: RunAre, tmp_path: Path
+) -> None:
+    """The fault is that of the one file, however many topics of images are looked into."""
+    shutil.copytree(replay, tmp_path / "run")
+    path = tmp_path / "run" / "augmented.mcap"
+    data = bytearray(path.read_bytes())
+    data[2000:6000] = bytes(4000)
+    path.write_bytes(data)
+    done = run_are("check", tmp_path / "run")
+    assert done.returncode != 0
+    assert "Traceback" not in done.stdout + done.stderr
+    (reader,) = [line for line in done.stdout.splitlines() if line.startswith("rosbags reader")]
+    assert "FAILED, 2 wrong" in reader  # one for all but the grids, one for the grids
+    assert reader.endswith("it is damaged")
 
 
 def test_each_image_goes_out_with_its_camera_info(replay: Path) -> None:

@@ -124,8 +124,8 @@ def code_of(encoding: str) -> DepthCode:
     """Return the code of a raw encoding; InputError if it is no depth."""
     if encoding not in _RAW_CODES:
         raise InputError(
-            f"encoding {encoding!r} holds no depth; known are {', '.join(_RAW_CODES)}, and images of"
-            " colours have the role image"
+            f"encoding {encoding!r} holds no depth; known are {', '.join(_RAW_CODES)}, and"
+            " images of colours have the role image"
         )
     return _RAW_CODES[encoding]
 
