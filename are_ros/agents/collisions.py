@@ -297,7 +297,7 @@ class Resolution:
     DISPLACED_TO_SAFE the last safe one moved by `shifts_m` float64 (N, 2; 0 for the others) in the
     map frame, with its heading, on the ground there; the others leave. `boxes` (N) are at these
     poses; the box of an artefact that leaves is at its last safe one. `contacts` are those at the
-    last safe poses.
+    last safe poses, of fixed artefacts at their proposed ones.
     """
 
     outcomes: NDArray[np.int8]
@@ -352,7 +352,7 @@ class CollisionResolver:
         lengths differ.
         """
         _check(ids, proposed, last_safe)
-        depths = depths_m(robots, last_safe)
+        depths = depths_m(robots, _with_rows(last_safe, proposed, fixed))
         contacts = contacts_of(ids, depths)
         limits_m = self._policy.tolerated_m(depths) + TOUCH_TOLERANCE_M
         in_contact: NDArray[np.bool_] = np.any(depths > TOUCH_TOLERANCE_M, axis=1)
@@ -385,6 +385,17 @@ class CollisionResolver:
             remedies.apply(np.ones((len(proposed), 2), np.bool_), lambda _, __: None, 0.0)
             held = remedies.outcomes == Outcome.MOVED_BACK
         return held
+
+
+def _with_rows(boxes: OrientedBoxes, others: OrientedBoxes, rows: Sequence[int]) -> OrientedBoxes:
+    """Return boxes (N) with those of some rows taken from others (N)."""
+    if not rows:
+        return boxes
+    is_other = np.zeros(len(boxes), np.bool_)
+    is_other[list(rows)] = True
+    packed = np.where(is_other[:, None], others.packed, boxes.packed)
+    yaws_rad = np.where(is_other, others.yaws_rad, boxes.yaws_rad)
+    return OrientedBoxes(packed[:, :3], yaws_rad, packed[:, 5:])
 
 
 def _are_allowed(

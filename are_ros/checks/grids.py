@@ -407,7 +407,7 @@ class _GridChecks:
                     tally.leave_out("grid", "for which it is open what to show")
                 else:
                     self._judge.judge(topic, tick, tick.real, own[topic])
-            if tick.real is not None:
+            if tick.real is not None and (self._is_live or topic in record.topics):
                 is_sent = is_map_sent if topic in UPDATES_OF else topic in own
                 age.take(tick, tick.real, LatestGrid(self._held[topic], topic in own, is_sent))
         for topic, of_updates in UPDATES_OF.items():

@@ -69,7 +69,7 @@ def check_ticks(record: Record) -> CheckResult:
         ("metrics", record.metrics),
     )
     for name, messages in lists:
-        if record.is_live and PREFIX + name not in record.topics:
+        if PREFIX + name not in record.topics:
             tally.note(f"without ~/{name}, which was not recorded")
         else:
             _check_stamps(tally, name, messages, record)

@@ -387,7 +387,9 @@ class ViewedScene:
             self._show_fan(number, view, map_from_camera)
 
     def _drawn_frustum(self, number: int, camera: ViewModel) -> Any:
-        """Draw a camera's frustum; None where it has none, as a camera that looks all around."""
+        """Draw a camera's frustum; None for one that looks all around, or has one row or column."""
+        if min(camera.width, camera.height) < 2:
+            return None
         rays = camera.directions()
         row, column = rays[camera.height // 2], rays[:, camera.width // 2]
         edges = np.stack((row[0], row[-1], column[0], column[-1])).astype(np.float64)

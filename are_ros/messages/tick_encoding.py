@@ -67,17 +67,28 @@ OPTIONAL_OUTPUTS: Final[Mapping[str, OutputTopic]] = MappingProxyType(
 ALL_OUTPUTS: Final[Mapping[str, OutputTopic]] = MappingProxyType({**OUTPUTS, **OPTIONAL_OUTPUTS})
 
 
+PARTS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {
+        "perception": ("perceived", PREDICTED, PERCEIVED_BOXES),
+        "grids": tuple(name for name in OUTPUTS if "_map" in name or "_costmap" in name),
+        "markers": ("markers",),
+        "octomap": (OCTOMAP,),
+    }
+)
+"""The outputs that there are not without a part of the demand."""
+
+
 def offered_outputs(
-    certainty: CertaintyParameters, *, with_octomap: bool = False, with_boxes: bool = False
+    certainty: CertaintyParameters, demand: Demand = USUAL, *, with_boxes: bool = False
 ) -> Mapping[str, OutputTopic]:
-    """Return the outputs that there are with these parameters."""
-    offered = dict(ALL_OUTPUTS)
+    """Return the outputs that there are with these parameters and this demand."""
+    left_out = {name for part in PARTS if not getattr(demand, part) for name in PARTS[part]}
+    offered = {name: output for name, output in ALL_OUTPUTS.items() if name not in left_out}
     if not (certainty.enabled and certainty.prediction_horizon > 0.0):
-        del offered[PREDICTED]
-    if not with_octomap:
-        del offered[OCTOMAP]
+        offered.pop(PREDICTED, None)
     if not with_boxes:
-        del offered[ARTEFACT_BOXES], offered[PERCEIVED_BOXES]
+        del offered[ARTEFACT_BOXES]
+        offered.pop(PERCEIVED_BOXES, None)
     return offered
 
 

@@ -12,6 +12,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.logging import get_logger
 
 from are_ros.builder.assembly import catalogue_of
+from are_ros.builder.tick import Demand
 from are_ros.builder.warm_up import WarmUpNeeds, warm_up
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, CatalogueError, NodeError, ParameterError
@@ -192,7 +193,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             self, parameters.sensors, parameters.camera.others, self._store, self._say
         )
         offered = offered_outputs(
-            parameters.certainty, with_octomap=True, with_boxes=parameters.sensors.boxes
+            parameters.certainty, Demand(octomap=True), with_boxes=parameters.sensors.boxes
         )
         publishers = self._outputs = Publishers(
             self,

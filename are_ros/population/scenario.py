@@ -21,7 +21,9 @@ from are_ros.population.departures import Cause
 FIRST_ADMITTED_ID: Final = 1_000_000_000
 """Ids of scripted and requested artefacts begin here, so the draws of random ones do not shift."""
 
-_LAST_ID: Final = 2**62
+LAST_ID: Final = 999_999_999_999
+"""False alarms of the perception have the ids behind it."""
+
 _JUMP_NS: Final = 1000
 
 
@@ -146,8 +148,8 @@ class Scenario:
     def _fault_of_id(self, artefact_id: int | None, ids: Counter[int | None]) -> str:
         if artefact_id is None:
             return ""
-        if not FIRST_ID <= artefact_id <= _LAST_ID:
-            return f"id is {artefact_id}, but ids are from {FIRST_ID} to {_LAST_ID}"
+        if not FIRST_ID <= artefact_id <= LAST_ID:
+            return f"id is {artefact_id}, but ids are from {FIRST_ID} to {LAST_ID}"
         if ids[artefact_id] > 1:
             return f"id is {artefact_id}, which another artefact has too"
         if self.random and artefact_id < FIRST_ADMITTED_ID:

@@ -262,12 +262,9 @@ def _open_writers(
         return (), dict
     writer = stack.enter_context(BagWriter(options.out / AUGMENTED))
     sensors = options.parameters.sensors
-    offered = offered_outputs(
-        options.parameters.certainty,
-        with_octomap=options.demand.octomap,
-        with_boxes=sensors.boxes,
-    )
-    outputs = TickWriter(writer, replay.role_of_topic, options.demand, offered, sensors)
+    certainty, demand = options.parameters.certainty, options.demand
+    offered = offered_outputs(certainty, demand, with_boxes=sensors.boxes)
+    outputs = TickWriter(writer, replay.role_of_topic, demand, offered, sensors)
     if not options.with_inputs:
         return (outputs,), writer.counts
     copy = InputCopy(reader, writer, replay.role_of_topic)

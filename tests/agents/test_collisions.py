@@ -200,6 +200,17 @@ def test_others_make_way_for_who_follows_a_track(tracked: int) -> None:
     assert not len(overlapping_pairs(resolution.boxes))
 
 
+def test_a_track_into_the_robot_is_a_contact_when_it_gets_there() -> None:
+    """Not a sub-step later: its end pose is its pose, whatever is there."""
+    there, before = _boxes((1.0, 1.0), (3.0, 1.0)), _boxes((0.2, 1.0), (3.0, 1.0))
+    robot = Footprint.disc(0.3).at(1.1, 1.0, 0.0)
+    resolver, ids = CollisionResolver(Hold(), 2.0), np.array([1, 2])
+    resolution = resolver.resolve(ids, there, before, _OPEN, [robot], fixed=[0])
+    assert resolution.is_all_kept
+    assert [contact.artefact_id for contact in resolution.contacts] == [1]
+    assert resolver.resolve(ids, before, there, _OPEN, [robot], fixed=[0]).contacts == ()
+
+
 @pytest.mark.parametrize("tracked", [0, 1])
 def test_who_would_run_into_a_track_is_held_back(tracked: int) -> None:
     """Of two that would meet the one without a track stays, whatever its id."""

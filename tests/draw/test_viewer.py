@@ -261,6 +261,16 @@ def test_labels_number_artefacts_as_the_pictures_do() -> None:
 
 
 @needs_viser
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (64, 1), (1, 48)])
+def test_a_camera_of_one_row_or_column_has_a_page(tmp_path: Path, width: int, height: int) -> None:
+    """With the robot and the artefacts, and no frustum."""
+    thin = PinholeView(width, height, 40.0, 40.0, 0.5 * (width - 1), 0.5 * (height - 1))
+    page = tmp_path / "view.html"
+    write_view(page, replace(place(), camera=thin), ticks(4), "thin")
+    assert page.stat().st_size > 1000
+
+
+@needs_viser
 def test_each_camera_has_a_frustum_and_a_field_of_view() -> None:
     """One whose pose is not known any more is hidden; the first comes and goes as the others."""
     server = viewer.start_server(0)

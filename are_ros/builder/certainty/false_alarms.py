@@ -15,9 +15,10 @@ from are_ros.parameters.model import CertaintyParameters
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.mixture import TruncatedPoissonMixture
 from are_ros.population.randomness import Purpose, generator
+from are_ros.population.scenario import LAST_ID
 from are_ros.world.environment import Environment
 
-FIRST_ID: Final = 1_000_000_000_000
+FIRST_ID: Final = LAST_ID + 1
 """Ids of false alarms count from here; those of artefacts never get there."""
 
 _PLACES: Final = 32
