@@ -53,7 +53,8 @@ class MotionCounts:
     """Numbers of sub-steps of artefacts so far: all, with motion, and corrected by the resolver.
 
     (`moved_back` + `displaced`) / `artefact_steps` is the share of artefact-seconds with a
-    collision that planning did not avoid.
+    collision that planning did not avoid. Who is removed for a contact with the robot is not
+    displaced.
     """
 
     artefact_steps: int = 0
@@ -67,8 +68,9 @@ class MotionCounts:
         self.moving_steps += int(np.count_nonzero(moved))
         if not resolution.is_all_kept:
             outcomes = resolution.outcomes
+            by_force = (Outcome.DISPLACED_TO_SAFE, Outcome.LEAVES)
             self.moved_back += int(np.count_nonzero(outcomes == Outcome.MOVED_BACK))
-            self.displaced += int(np.count_nonzero(outcomes >= Outcome.DISPLACED_TO_SAFE))
+            self.displaced += int(np.count_nonzero(np.isin(outcomes, by_force)))
 
 
 class CrowdSimulator:

@@ -260,6 +260,7 @@ def test_who_has_to_leave_is_told_with_the_cause(outcome: Outcome, cause: Cause)
     assert stage.departed == [(1, cause)]
     verdicts.outcomes = {}
     assert stage.step(index + 2) == []
+    assert stage.crowd.counts.displaced == (cause is Cause.DISPLACED)
 
 
 def test_places_follow_the_map() -> None:
