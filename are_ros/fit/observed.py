@@ -136,6 +136,8 @@ def _columns(path: Path, lines: Iterator[Line]) -> tuple[dict[str, int], Iterato
     line, cells = next(lines, (0, [""]))
     names = [cell.strip().lower() for cell in cells]
     known: tuple[str, ...] = (_ROW, _LABEL, _COUNT)
+    if twice := next((name for name in known if names.count(name) > 1), ""):
+        raise InputError(f"{path}, line {line}: the column '{twice}' comes twice")
     found = {name: names.index(name) for name in known if name in names}
     if _ROW in found or _LABEL in found:
         if _ROW in found:
@@ -176,7 +178,9 @@ def _number_row(where: str, text: str, space: RowSpace) -> int:
 
 def _count(where: str, text: str) -> int:
     value = _number(text)
-    if value is None or not 0.0 <= value <= _MOST or value != int(value):
+    if value is not None and value > _MOST:
+        raise InputError(f"{where}: {_COUNT} {text.strip()} is above 2^53")
+    if value is None or not value >= 0.0 or value != int(value):
         raise InputError(f"{where}: {_COUNT} {text.strip()!r} is no whole number from 0 on")
     return int(value)
 

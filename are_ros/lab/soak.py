@@ -273,8 +273,10 @@ class SoakRun:
             raise MapError("the map has no room for anybody where the robot can go")
         blocked = self.builder.lives.population.counts.blocked
         if blocked and self.now_s > _LONGEST_BLOCKED_S and not self.judge.verdict.artefact_s:
+            most = self.builder.parameters.population.max_alive
+            why = "the map has too little room" if most else "population.max_alive is 0"
             raise MapError(
-                f"the map has too little room: in {self.now_s:.0f} s none of "
+                f"{why}: in {self.now_s:.0f} s none of "
                 f"{counted(blocked, 'arrival')} found a place beside the robot"
             )
         jumped = _named(tick, EventKind.DISPLACED)

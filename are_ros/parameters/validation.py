@@ -8,6 +8,7 @@ from are_ros.errors import ParameterError
 from are_ros.parameters.choices import Appear, OnRobotContact, Region, Shape
 from are_ros.parameters.model import (
     CameraParameters,
+    CertaintyParameters,
     FramesParameters,
     MixtureParameters,
     OcclusionParameters,
@@ -32,6 +33,7 @@ def validated(parameters: Parameters) -> Parameters:
     _check_cameras(parameters.camera)
     _check_zones(parameters.population)
     _check_target(parameters.occlusion)
+    _check_prediction(parameters.certainty)
     return replace(
         parameters,
         frames=_checked_frames(parameters.frames),
@@ -54,6 +56,15 @@ def _check_thresholds(world: WorldParameters) -> None:
             f"world.occupied_threshold, {world.occupied_threshold}"
         )
         raise ParameterError(message)
+
+
+def _check_prediction(certainty: CertaintyParameters) -> None:
+    horizon_s, step_s = certainty.prediction_horizon, certainty.prediction_step
+    if 0.0 < horizon_s < step_s:
+        raise ParameterError(
+            f"parameter 'certainty.prediction_step': {step_s:g} s is above "
+            f"certainty.prediction_horizon, {horizon_s:g} s, so that no path would have a pose"
+        )
 
 
 def _check_mixture(mixture: MixtureParameters) -> None:

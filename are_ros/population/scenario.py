@@ -208,8 +208,8 @@ class ScriptedSource:
     def __init__(self, scenario: Scenario) -> None:
         self.scenario = scenario
         self._artefacts = scenario.artefacts
-        given = [one.artefact_id for one in self._artefacts if one.artefact_id is not None]
-        self._next_id = max([FIRST_ADMITTED_ID, *(artefact_id + 1 for artefact_id in given)])
+        self._given = frozenset(one.artefact_id for one in self._artefacts)
+        self._next_id = FIRST_ADMITTED_ID
         self._ids = [
             self.new_id() if one.artefact_id is None else one.artefact_id for one in self._artefacts
         ]
@@ -221,6 +221,8 @@ class ScriptedSource:
 
     def new_id(self) -> int:
         """Return a new id, for an artefact that is admitted on request."""
+        while self._next_id in self._given:
+            self._next_id += 1
         self._next_id += 1
         return self._next_id - 1
 

@@ -43,6 +43,10 @@ def test_the_defaults_are_valid() -> None:
         ),
         ({"camera.mount": [0.0] * 5}, ("'camera.mount'", "5 numbers, not 6")),
         ({"camera.mount": [0.0] * 7}, ("'camera.mount'", "7 numbers, not 6")),
+        (
+            {"certainty.prediction_horizon": 0.1},
+            ("'certainty.prediction_step': 0.5 s", "certainty.prediction_horizon, 0.1 s"),
+        ),
         ({"frames.map": ""}, ("'frames.map'", "empty")),
         ({"frames.map": "//"}, ("'frames.map'", "empty")),
     ],

@@ -68,13 +68,13 @@ def test_nobody_comes_before_there_is_a_map() -> None:
 
 
 def test_ids_come_back_exactly_and_are_given_once() -> None:
-    """Those of the scenario are as they are there; all others count beyond them."""
-    artefacts = (_at(0, artefact_id=7), _at(1), _at(2, artefact_id=FIRST_ADMITTED_ID + 5))
+    """Those of the scenario are as they are there; all others are the first that are free."""
+    artefacts = (_at(0, artefact_id=7), _at(1), _at(2, artefact_id=FIRST_ADMITTED_ID + 2))
     source = _source(*artefacts, random=False)
     low = FIRST_ADMITTED_ID
-    assert source.new_id() == low + 7
-    assert [offer.artefact_id for offer in _all(source)] == [7, low + 6, low + 5]
-    assert source.new_id() == low + 8
+    assert source.new_id() == low + 1
+    assert [offer.artefact_id for offer in _all(source)] == [7, low, low + 2]
+    assert source.new_id() == low + 3
 
 
 def test_a_scenario_that_runs_again_brings_others() -> None:
