@@ -1,6 +1,5 @@
 """The file itself: it opens in the mcap reader, with the topics, types and QoS of section 4."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from io import SEEK_END
 from pathlib import Path
@@ -18,7 +17,7 @@ from are_ros.checks.result import CheckResult, Tally, at_s, merged, skipped
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
 from are_ros.messages.sensors import OUTPUT_TYPES
-from are_ros.messages.tick_encoding import ALL_OUTPUTS, OCTOMAP, OUTPUTS, PARTS
+from are_ros.messages.tick_encoding import ALL_OUTPUTS, OCTOMAP, OUTPUTS, PARTS, SKIPPED
 from are_ros.wording import counted
 
 _FOOTER: Final = Struct("<QQI")
@@ -34,6 +33,7 @@ _QOS_NAMES: Final = MappingProxyType(
 )
 """rosbag2 wrote numbers before Jazzy."""
 
+_NOTES: Final = "are_ros"
 _Channels = dict[int, tuple[Any, Any]]
 
 
@@ -48,8 +48,11 @@ def _check_file(path: Path, *, is_live: bool) -> list[CheckResult]:
     reading = Tally(_NAMES[0], "message")
     order = Tally(_NAMES[1], "message")
     channels: _Channels = {}
+    left_out = frozenset[str]()
     try:
         with path.open("rb") as stream:
+            left_out = _left_out(stream)
+            stream.seek(0)
             _read_all(stream, channels, reading, order, _JUMP_NS if is_live else None)
     except Exception as cause:  # noqa: BLE001 - the reader raises all kinds on bad bytes
         reading.look()
@@ -58,7 +61,7 @@ def _check_file(path: Path, *, is_live: bool) -> list[CheckResult]:
     return [
         reading.result(),
         order.result(),
-        _check_topics(channels, is_live=is_live),
+        _check_topics(channels, left_out, is_live=is_live),
         _check_qos(channels, is_live=is_live),
     ]
 
@@ -67,6 +70,13 @@ def check_files(paths: tuple[Path, ...], *, is_live: bool) -> list[CheckResult]:
     """Check the files of a recording; each check is one outcome."""
     by_file = [_check_file(path, is_live=is_live) for path in paths]
     return [merged(results) for results in zip(*by_file, strict=True)]
+
+
+def _left_out(stream: Any) -> frozenset[str]:
+    """Return the outputs of the parts that a replay notes as skipped."""
+    notes = [one.metadata for one in make_reader(stream).iter_metadata() if one.name == _NOTES]
+    parts = " ".join(note.get(SKIPPED, "") for note in notes).split()
+    return frozenset(name for part in parts for name in PARTS.get(part, ()))
 
 
 def _read_all(
@@ -122,7 +132,7 @@ def _without_home(channels: _Channels) -> _Channels:
     }
 
 
-def _check_topics(channels: _Channels, *, is_live: bool) -> CheckResult:
+def _check_topics(channels: _Channels, left_out: frozenset[str], *, is_live: bool) -> CheckResult:
     """Compare topics and types with section 4, and the encodings with what ROS 2 reads."""
     tally = Tally(_NAMES[2], "topic")
     found: dict[str, str] = {}
@@ -139,17 +149,11 @@ def _check_topics(channels: _Channels, *, is_live: bool) -> CheckResult:
     for output, (type_name, *_) in OUTPUTS.items():
         if PREFIX + output in found or not found:
             continue
-        if is_live or _is_left_out(output, found):
+        if is_live or output in left_out:
             tally.leave_out("output", "missing from the recording")
         else:
             tally.fail(f"{PREFIX}{output} of type {type_name} is missing")
     return tally.result()
-
-
-def _is_left_out(output: str, found: Mapping[str, str]) -> bool:
-    """Tell whether a replay left out the part of an output: then it has none of that."""
-    parts = [names for names in PARTS.values() if output in names]
-    return any(all(PREFIX + name not in found for name in names) for names in parts)
 
 
 def _is_expected(topic: str, type_name: str, is_live: bool) -> bool:

@@ -77,6 +77,14 @@ PARTS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 )
 """The outputs that there are not without a part of the demand."""
 
+SKIPPED: Final = "skipped"
+"""Names the note in a recording with the parts, apart from each other by spaces, that it lacks."""
+
+
+def skipped_parts(demand: Demand) -> tuple[str, ...]:
+    """Return the names of the parts that are there by default and not in this demand."""
+    return tuple(part for part in PARTS if getattr(USUAL, part) and not getattr(demand, part))
+
 
 def offered_outputs(
     certainty: CertaintyParameters, demand: Demand = USUAL, *, with_boxes: bool = False
