@@ -68,6 +68,9 @@ def _duration_text(duration_ns: int) -> str:
     return f"{{sec: {seconds}, nsec: {rest_ns}}}"
 
 
+NOTES: Final = "are_ros"
+"""The name of the metadata record with the notes."""
+
 _CHUNK_BYTES = 4 * 1024 * 1024
 """A chunk holds several maps, which are alike and compress well together."""
 
@@ -118,7 +121,7 @@ class BagWriter:
         self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._writer.start(profile="ros2", library=f"are_ros {__version__}")
         if self._notes:
-            self._writer.add_metadata("are_ros", dict(self._notes))
+            self._writer.add_metadata(NOTES, dict(self._notes))
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:

@@ -85,7 +85,7 @@ class RealWorld:
 
     def _note_apart(self, grid: OccupancyGrid, voxels: VoxelMap | None) -> None:
         """Say so if a cloud lies wholly beside the map: it hides nobody then."""
-        if voxels is None or not voxels.occupied.size:
+        if voxels is None:
             return
         was_apart = self._is_apart
         corners = np.array([(i * grid.height, j * grid.width) for i in (0, 1) for j in (0, 1)])

@@ -13,6 +13,7 @@ from mcap.reader import make_reader
 
 from are_ros.bag.reader import sentence_of
 from are_ros.bag.recording import PREFIX, home_of, without_home
+from are_ros.bag.writer import NOTES
 from are_ros.checks.result import CheckResult, Tally, at_s, merged, skipped
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
@@ -33,7 +34,6 @@ _QOS_NAMES: Final = MappingProxyType(
 )
 """rosbag2 wrote numbers before Jazzy."""
 
-_NOTES: Final = "are_ros"
 _Channels = dict[int, tuple[Any, Any]]
 
 
@@ -74,7 +74,7 @@ def check_files(paths: tuple[Path, ...], *, is_live: bool) -> list[CheckResult]:
 
 def _left_out(stream: Any) -> frozenset[str]:
     """Return the outputs of the parts that a replay notes as skipped."""
-    notes = [one.metadata for one in make_reader(stream).iter_metadata() if one.name == _NOTES]
+    notes = [one.metadata for one in make_reader(stream).iter_metadata() if one.name == NOTES]
     parts = " ".join(note.get(SKIPPED, "") for note in notes).split()
     return frozenset(name for part in parts for name in PARTS.get(part, ()))
 

@@ -143,8 +143,8 @@ def _lag_text(lags_ns: list[int]) -> str:
 def check_lives(record: Record) -> CheckResult:
     """Ids are never reused, and each tick lists the artefacts that arrived and did not depart.
 
-    Their behaviours change only with an event. A node that was configured or started again begins
-    with new ids.
+    Their behaviours change only with an event. A node that was configured or started again
+    counts ids from the first on.
     """
     tally = Tally("lives", "tick")
     story, begun_ns = _LivingArtefacts(tally), deque(_begun_anew_ns(record))
