@@ -1,6 +1,7 @@
 """Writes recordings: MCAP files that ROS 2, Foxglove and rosbags open."""
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from io import BufferedWriter
@@ -74,6 +75,12 @@ NOTES: Final = "are_ros"
 _CHUNK_BYTES = 4 * 1024 * 1024
 """A chunk holds several maps, which are alike and compress well together."""
 
+_BATCH_BYTES = 2 * 1024 * 1024
+"""Messages are handed over to the thread that compresses and writes when they are so many."""
+
+_Message = tuple[int, int, bytes | memoryview, int, int]
+"""Its channel, log time, data, publish time, and number in the channel."""
+
 
 @dataclass(eq=False)
 class _Channel:
@@ -88,7 +95,8 @@ class BagWriter:
     The file appears under its name only when the block ends without an exception; until then it
     is `<name>.part`, which a failed run removes unless it `keeps_partial`. The same calls give the
     same bytes: no clock, no path and no order but that of the calls enters the file. BagError if it
-    cannot be written.
+    cannot be written. A thread of its own compresses and writes, so an error may come some messages
+    late.
     """
 
     def __init__(
@@ -112,6 +120,10 @@ class BagWriter:
         self._schemas: dict[str, int] = {}
         self._file: BufferedWriter
         self._writer: Writer
+        self._batch: list[_Message] = []
+        self._batch_bytes = 0
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="bag writer")
+        self._written: Future[None] | None = None
 
     def __enter__(self) -> "BagWriter":  # noqa: PYI034 (Self came with Python 3.11)
         try:
@@ -147,6 +159,7 @@ class BagWriter:
         `is_latched`: transient local, late subscribers get the last `depth` messages. In place of
         these, `offered` are the profiles of the publishers that were found.
         """
+        self._wait()
         profile = OfferedQos(
             reliability="reliable" if is_reliable else "best_effort",
             durability="transient_local" if is_latched else "volatile",
@@ -181,16 +194,15 @@ class BagWriter:
         """
         channel = self._channels[topic]
         published_ns = log_time_ns if publish_time_ns is None else publish_time_ns
-        try:
-            self._writer.add_message(
-                channel.identifier, log_time_ns, data, published_ns, sequence=channel.count
-            )
-        except OSError as cause:
-            raise self._unwritable(cause) from cause
+        self._batch.append((channel.identifier, log_time_ns, data, published_ns, channel.count))
+        self._batch_bytes += len(data)
         channel.count += 1
+        if self._batch_bytes > _BATCH_BYTES:
+            self._hand_over()
 
     def flush(self) -> None:
         """Flush all messages to the system, so that they survive a kill."""
+        self._wait()
         try:
             self._writer.flush()
         except OSError as cause:
@@ -209,8 +221,30 @@ class BagWriter:
             )
         return self._schemas[type_name]
 
+    def _hand_over(self) -> None:
+        """Have the batch written once the last one is, of which an error is raised here."""
+        if self._written is not None:
+            try:
+                self._written.result()
+            except OSError as cause:
+                raise self._unwritable(cause) from cause
+        self._written = self._thread.submit(self._write_all, self._batch)
+        self._batch, self._batch_bytes = [], 0
+
+    def _wait(self) -> None:
+        """Wait until all messages are with the writer."""
+        if self._batch or self._written is not None:
+            self._hand_over()
+            self._hand_over()
+            self._written = None
+
+    def _write_all(self, messages: Sequence[_Message]) -> None:
+        for channel, log_time_ns, data, published_ns, count in messages:
+            self._writer.add_message(channel, log_time_ns, data, published_ns, sequence=count)
+
     def _finish(self) -> None:
         """Write the index and give the file its name."""
+        self._wait()
         try:
             self._writer.finish()
             self._file.close()
@@ -220,6 +254,7 @@ class BagWriter:
 
     def _close(self) -> None:
         """Close the file, also on a full disk."""
+        self._thread.shutdown(cancel_futures=True)
         with suppress(OSError):
             self._file.close()
         if not self._keeps_partial:

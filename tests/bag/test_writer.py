@@ -1,5 +1,9 @@
 """Writing the augmented recording."""
 
+import resource
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -123,6 +127,36 @@ def test_a_place_that_cannot_be_written_is_said(tmp_path: Path) -> None:
     """The sentence names path and reason."""
     with pytest.raises(BagError, match=r"nix/out\.mcap cannot be written: No such file"):
         BagWriter(tmp_path / "nix/out.mcap").__enter__()
+
+
+@contextmanager
+def files_of_at_most(limit_bytes: int) -> Iterator[None]:
+    """Have this process write no larger files."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit_bytes, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, handler)
+
+
+@pytest.mark.parametrize("count", [1, 3, 30])
+def test_a_file_that_grows_too_large_is_said(tmp_path: Path, count: int) -> None:
+    """Whether a thread finds it while more messages come, or at the end, and nothing is left."""
+    noise = np.random.default_rng(1).bytes(2**20)
+    path = tmp_path / "out.mcap"
+
+    def write() -> None:
+        with files_of_at_most(100_000), BagWriter(path) as writer:
+            writer.add_topic("/noise", "std_msgs/msg/String")
+            for k in range(count):
+                writer.write_raw("/noise", k, noise)
+
+    with pytest.raises(BagError, match=r"out\.mcap cannot be written: File too large"):
+        write()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_maps_compress_to_almost_nothing(tmp_path: Path, factory: RosbagsFactory) -> None:
