@@ -18,7 +18,6 @@ from are_ros.agents.body import TIGHTEST
 from are_ros.agents.local_planner.deadlock import keeps_way
 from are_ros.agents.local_planner.gaps import gap_between, separation
 from are_ros.agents.local_planner.primitives import (
-    BACKS_OFF_AFTER,
     FORWARD,
     REVERSE_PRICE,
     REVERSE_SHARE,
@@ -27,7 +26,14 @@ from are_ros.agents.local_planner.primitives import (
     set_option,
     ways_left,
 )
-from are_ros.agents.local_planner.rollouts import ARC_TO_POINT, BRAKE, GOING, PlanningGoal, wrapped
+from are_ros.agents.local_planner.rollouts import (
+    ARC_TO_POINT,
+    BACKS_OFF_AFTER,
+    BRAKE,
+    GOING,
+    PlanningGoal,
+    wrapped,
+)
 from are_ros.agents.local_planner.state import (
     BY_ARTEFACT,
     COS,

@@ -19,10 +19,11 @@ from are_ros.agents.local_planner.gaps import (
     separation,
     turns_among,
 )
-from are_ros.agents.local_planner.primitives import BACKS_OFF_AFTER, cheapest
+from are_ros.agents.local_planner.primitives import cheapest
 from are_ros.agents.local_planner.proposals import keep_to_way, propose
 from are_ros.agents.local_planner.robot import robot_cost
 from are_ros.agents.local_planner.rollouts import (
+    BACKS_OFF_AFTER,
     BRAKE,
     GOING,
     HEADING,

@@ -48,8 +48,6 @@ REVERSE_SHARE = 0.5
 _BENDS = np.array([0.0, -0.3, 0.3, -0.6, 0.6, -1.0, 1.0])
 FORWARD = np.array([1.0, 0.6, 0.3, 0.12, 0.04])  # the last: a decimetre, to shunt in a slot
 _BACKWARD = np.array([-1.0, -0.5, -0.2, -0.07])
-BACKS_OFF_AFTER = 3.0
-"""An agent that has been blocked for so long [s] may go back."""
 _LOOK_AHEAD = 4.0  # turning radii
 REVERSE_PRICE = 2.0
 """The price of a metre in reverse, in metres."""
@@ -249,7 +247,10 @@ def gain_of(aim: PlanningGoal, delta: float, cosine: float, speed: float) -> flo
     if aim.kind != PUSHED:
         return speed / aim.speed * cosine
     aside = speed * np.sin(delta) * (1.0 if aim.aside > 0.0 else -1.0)
-    return float((1.5 * min(aside, abs(aim.aside)) + 0.4 * speed * cosine) / aim.speed)
+    ahead = 0.4 * cosine
+    if not np.isnan(aim.own):
+        ahead = 0.1 * cosine + 0.3 * np.cos(aim.heading + delta - aim.own)
+    return float((1.5 * min(aside, abs(aim.aside)) + speed * ahead) / aim.speed)
 
 
 @borrowing

@@ -256,14 +256,18 @@ PASSED = 0.35
 _STANDS = 1e-6
 _IMPATIENCE = 0.25
 _MOST_IMPATIENT = 1.5
+BACKS_OFF_AFTER = 3.0
+"""An agent that has been blocked for so long [s] may go back, and, if it is pushed, turn its back
+on its sub-goal."""
 
 
 class PlanningGoal(NamedTuple):
     """What an agent wants: a kind, a heading in the map [rad], a distance [m], a speed [m/s].
 
     `stop_cost` is the cost of standing; going straight costs 0. A pushed agent wants to get `aside`
-    of the heading by so much, to the left if positive, or else to move ahead of the pushing one.
-    `ends`: the way ends after the distance.
+    of the heading by so much, to the left if positive, or else to move ahead of the pushing one;
+    `own` is the heading to its own sub-goal, nan without one, which it would rather not turn its
+    back on. `ends`: the way ends after the distance.
     """
 
     kind: int
@@ -273,6 +277,7 @@ class PlanningGoal(NamedTuple):
     stop_cost: float
     aside: float
     ends: bool
+    own: float
 
 
 @borrowing
@@ -318,24 +323,27 @@ def aim_of(agents: AgentArrays, i: int, pose: Floats, now: int, second: int) -> 
     command, memory, body = agents.command[i], agents.memory[i], agents.body[i]
     speed = min(command.speed, body.speed)
     kind = kind_of(agents, i, pose, now, second)
+    heading = np.nan
+    if command.has_goal == 1:
+        heading = math.atan2(command.y - pose[Y], command.x - pose[X])
     if kind == PUSHED:
         line, aside = math.atan2(memory.push_sin, memory.push_cos), _missing_room(pose, memory)
-        return PlanningGoal(PUSHED, line, np.inf, max(speed, 0.5 * body.speed), 1.2, aside, False)
+        speed = max(speed, 0.5 * body.speed)
+        own = heading if memory.blocked <= BACKS_OFF_AFTER else np.nan
+        return PlanningGoal(PUSHED, line, np.inf, speed, 1.2, aside, False, own)
     if kind == STANDING:
-        return PlanningGoal(STANDING, np.nan, 0.0, 0.0, 0.0, 0.0, False)
+        return PlanningGoal(STANDING, np.nan, 0.0, 0.0, 0.0, 0.0, False, heading)
     if kind == FACING:
-        return PlanningGoal(FACING, command.face, 0.0, 0.0, 0.0, 0.0, False)
+        return PlanningGoal(FACING, command.face, 0.0, 0.0, 0.0, 0.0, False, heading)
     stop_cost = 1.0 + min(_IMPATIENCE * memory.blocked, _MOST_IMPATIENT)
     if kind == COASTING:
-        return PlanningGoal(COASTING, pose[YAW], np.inf, speed, stop_cost, 0.0, False)
-    heading = math.atan2(command.y - pose[Y], command.x - pose[X])
+        return PlanningGoal(COASTING, pose[YAW], np.inf, speed, stop_cost, 0.0, False, heading)
     if kind == DETOURING:
-        return PlanningGoal(
-            DETOURING, heading + memory.detour, np.inf, speed, stop_cost, 0.0, False
-        )
+        aside = heading + memory.detour
+        return PlanningGoal(DETOURING, aside, np.inf, speed, stop_cost, 0.0, False, heading)
     ends = command.stops != 0 or memory.passed_at != NEVER
     way = distance(pose, command.x, command.y)
-    return PlanningGoal(GOING, heading, way, speed, stop_cost, 0.0, ends)
+    return PlanningGoal(GOING, heading, way, speed, stop_cost, 0.0, ends, heading)
 
 
 @borrowing

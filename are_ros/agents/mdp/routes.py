@@ -213,6 +213,37 @@ def _price(
     return total, is_occupied
 
 
+@compiled
+def leave_out(
+    values: ValueArrays,
+    anchors_m: Doubles,
+    others: Doubles,
+    state: tuple[int, int, int],
+    best_move: int,
+    brings: Doubles,
+) -> None:
+    """Set to -inf, in (P, 5), the moves that a walker does not make among others.
+
+    These are to go back from `best_move`, its best without them: it would turn on its heel, and
+    again once they have passed. Neither are moves that fail because somebody will be there: they
+    would only make it turn. The best move is left then, and as good as to stay: the local planner
+    may find a way past.
+    """
+    numbers = np.empty((4, values.paces.shape[0], 4))
+    moves = Moves(numbers[0], numbers[1], numbers[2], numbers[3], np.empty(4))
+    _find_moves(values, anchors_m, others, (state[0], state[1]), moves)
+    for direction in range(4):
+        move = direction + 1
+        is_back = best_move > 0 and (move - best_move) % 4 == 2
+        is_open = values.lengths[direction, state[0], state[1]] > 0
+        for pace in range(brings.shape[0]):
+            is_blocked = is_open and moves.lengths[pace, direction] == 0
+            if is_blocked and move == best_move:
+                brings[pace, move] = brings[0, 0]
+            elif is_back or is_blocked:
+                brings[pace, move] = -np.inf
+
+
 @borrowing
 def best_action(brings: Doubles, heading: int) -> tuple[int, int]:
     """Return the pace and the move of the best action of (P, 5).
@@ -238,17 +269,19 @@ def follow(
 ) -> int:
     """Fill in the anchors (K, 2) along an action, and then along a cheapest way from there.
 
-    Of several ways it is the one that stays near the straight line from the state to the goal: the
-    coarse cells are not to be seen in it. Returns how many points there are.
+    Of several ways it is the one that does not go back on the move in the same epoch, and else the
+    one that stays near the straight line from the state to the goal: the coarse cells are not to be
+    seen in it. Returns how many points there are.
     """
     costs, (row, col, _), (pace, move) = values.costs, state, action
     rows, cols = values.goal[0] - row, values.goal[1] - col
     direction, left, count = move - 1, 0, 0
+    back, reach = (move + 1) % 4 if move > 0 else -1, int(values.paces[pace, 0])
     if move > 0:
-        left = min(int(values.paces[pace, 0]), int(values.lengths[direction, row, col]))
+        left = min(reach, int(values.lengths[direction, row, col]))
     while count < points_m.shape[0]:
         if left == 0:  # on along a cheapest way, a cell at a time
-            left, direction, nearest = 1, -1, 0
+            left, direction, nearest = 1, -1, (0, 0)
             for k in range(4):
                 r, c = row + ROW_STEPS[k], col + COL_STEPS[k]
                 if values.lengths[k, row, col] == 0 or costs[r, c] >= costs[row, col]:
@@ -256,7 +289,10 @@ def follow(
                 nearness = float(values.nearness[r + values.corner[0], c + values.corner[1]])
                 step = (values.prices[0] + values.prices[1] * nearness) / values.paces[0, 0]
                 is_cheapest = costs[r, c] + step <= (1.0 + _ROUNDING) * costs[row, col]
-                away = abs((r - state[0]) * cols - (c - state[1]) * rows)
+                away = (
+                    int(k == back and count < reach),
+                    abs((r - state[0]) * cols - (c - state[1]) * rows),
+                )
                 if is_cheapest and (direction < 0 or away < nearest):
                     direction, nearest = k, away
             if direction < 0:

@@ -13,8 +13,10 @@ from are_ros.agents.mdp.routes import (
     ValueArrays,
     ValueTuple,
     action_values,
+    best_action,
     follow,
     is_settled,
+    leave_out,
 )
 from are_ros.agents.navigation.ground import Ground, cell_of, fine_cell, heading_of
 from are_ros.agents.navigation.local_way import way_round
@@ -96,7 +98,8 @@ def prospect_of(
 ) -> tuple[int, int, float, float]:
     """Fill in what the actions of an agent with a goal are worth, (P, 5): pace, move.
 
-    What resting saves does not count for staying. `ground`, `value_arrays` and `ends` are the
+    What resting saves does not count for staying; -inf is a move that is not made (`leave_out`).
+    `ground`, `value_arrays` and `ends` are the
     fields of `Ground`, `ValueArrays` and `GoalSpec`, `crowd` those of `neighbours.Cells` and the
     rest of `Crowd`. `agent` is the index in the crowd, whether others cost it anything, and the
     epochs left. A moving goal is approached straight from any distance. Returns what there is (no
@@ -123,9 +126,11 @@ def prospect_of(
         return UNKNOWN, 0, 0.0, 0.0
     nobody = others[:, :0].copy()
     later = action_values(values, epochs_left, floor.anchors_m, nobody, state, brings)
-    value = brings.max()
+    value, best = brings.max(), best_action(brings, state[2])
     if others.shape[1] > 0:
         action_values(values, epochs_left, floor.anchors_m, others, state, brings)
+        if not going.drives:
+            leave_out(values, floor.anchors_m, others[0], state, best[1], brings)
     for pace in range(brings.shape[0]):  # an agent that stays here gives way, and does not rest
         brings[pace, 0] -= values.prices[2]
     return CHOOSES, state[2], value, later

@@ -217,7 +217,8 @@ def test_the_social_force_is_the_sum_of_its_terms() -> None:
     workspace = _state.workspace_of(3, arrays.path.shape[1])
     workspace.near[:2] = (1, 2)
     _, floor = ClearanceLayers(Terrains()).of(street.environment, street.table.heights)
-    aim, pose = PlanningGoal(GOING, 0.2, 6.0, 1.35, 1.0, 0.0, ends=False), arrays.path[0, 0]
+    aim = PlanningGoal(GOING, 0.2, 6.0, 1.35, 1.0, 0.0, ends=False, own=0.2)
+    pose = arrays.path[0, 0]
     path = robot_path(robot, STEP_S)
     got = _proposals.social_force(arrays, 0, aim, pose, 0, floor, path, workspace, 2)
     heading = np.array([math.cos(0.3), math.sin(0.3)])
