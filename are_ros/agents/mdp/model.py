@@ -94,8 +94,9 @@ class TravelModel:
         times the time that it takes: at 1 both would just pay.
         """
         motion, rewards = row.motion, row.rewards
-        cells = [round(speed_mps * period_s / cell_size_m) for speed_mps in speeds_mps]
-        reaches = tuple(max(1, min(MAX_REACH, reach)) for reach in cells)
+        cells = [speed_mps * period_s / cell_size_m for speed_mps in speeds_mps]
+        # limited before it is rounded: a speed of 1e308 m/s reaches inf cells
+        reaches = tuple(max(1, round(min(MAX_REACH, reach))) for reach in cells)
         quarter_s = 0.5 * math.pi / max(motion.turn_rate_radps, 1e-3)
         half_s = 2.0 * quarter_s
         if motion.turn_radius_m > 0.0:

@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from are_ros.agents.mdp import travel_kernels as _travel_kernels
 from are_ros.agents.mdp.model import (
+    MAX_REACH,
     UNREACHABLE,
     Problem,
     Solution,
@@ -338,6 +339,12 @@ def test_who_is_slow_goes_one_cell() -> None:
     """Even a speed of nothing has a reach of one cell."""
     model = TravelModel.of(row_with(MotionLimits()), (0.0,), 0.5, 1.0, 0.0)
     assert model.reaches == (1,)
+
+
+def test_who_is_faster_than_any_number_goes_as_far_as_anyone() -> None:
+    """A user's behaviour may give 1e308 m/s, of which the cells per epoch are inf."""
+    model = TravelModel.of(row_with(MotionLimits()), (1.0, 1e308), 0.05, 1.0, 0.0)
+    assert model.reaches == (20, MAX_REACH)
 
 
 @pytest.mark.parametrize(
