@@ -256,7 +256,7 @@ def _number(path: Path, field: str, value: object) -> float:
 
 
 def _negate(path: Path, value: object) -> bool:
-    if not isinstance(value, int):
+    if not isinstance(value, int) or value not in {0, 1}:
         raise MapError(f"{path}: negate must be 0 or 1, it is {value!r}")
     return bool(value)
 

@@ -153,6 +153,8 @@ def test_an_absolute_image_path_is_taken_as_it_is(tmp_path: Path) -> None:
         ({"origin": "[0, x, 0]"}, "origin must be a finite number"),
         ({"negate": "maybe"}, "negate must be 0 or 1"),
         ({"negate": "0.5"}, "negate must be 0 or 1"),
+        ({"negate": "2"}, "negate must be 0 or 1, it is 2"),
+        ({"negate": "-1"}, "negate must be 0 or 1, it is -1"),
         ({"mode": "quaternary"}, "mode must be trinary, scale or raw"),
         ({"mode": "[raw]"}, "mode must be trinary, scale or raw"),
         ({"occupied_thresh": "high"}, "occupied_thresh must be a finite number"),
