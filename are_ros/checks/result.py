@@ -62,9 +62,9 @@ class Tally:
         """Count things looked at."""
         self.looked_at += count
 
-    def fail(self, counter_example: str) -> None:
-        """Count a thing that is wrong; the first text is kept."""
-        self.failures += 1
+    def fail(self, counter_example: str, count: int = 1) -> None:
+        """Count things that are wrong, of those looked at; the first text is kept."""
+        self.failures += count
         self._first = self._first or counter_example
 
     def require(self, condition: bool, counter_example: str) -> None:

@@ -13,6 +13,7 @@ from are_ros.checks.result import Outcome, Tally, merged, skipped, want_of_input
         (2, 0, 1, "walls: passed, 2 boxes (not looked at: 1 tick without a map)"),
         (1, 0, 3, "walls: passed, 1 box (not looked at: 3 ticks without a map)"),
         (1, 1, 0, "walls: FAILED, 1 wrong of 1 box; the first: it is pink"),
+        (9, 3, 0, "walls: FAILED, 3 wrong of 9 boxes; the first: it is pink"),
         (0, 0, 0, "walls: skipped, there are no boxes"),
         (0, 0, 2, "walls: skipped, not looked at: 2 ticks without a map"),
     ],
@@ -21,8 +22,8 @@ def test_counts_read_well(looked_at: int, failures: int, left_out: int, sentence
     """One thing is no plural, and what was left out is told."""
     tally = Tally("walls", "box")
     tally.look(looked_at)
-    for _ in range(failures):
-        tally.fail("it is pink")
+    if failures:
+        tally.fail("it is pink", failures)
     for _ in range(left_out):
         tally.leave_out("tick", "without a map")
     assert tally.result().sentence() == sentence

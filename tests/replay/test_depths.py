@@ -110,6 +110,23 @@ def test_depths_pass_the_checks(replay: Path, run_are: RunAre) -> None:
     assert int(anew.split(",")[1].split()[0]) > 100_000
 
 
+def test_wrong_pixels_are_counted_as_pixels(replay: Path, run_are: RunAre, tmp_path: Path) -> None:
+    """As those that were looked at are; it said how many images had some."""
+    tape = Tape.of(replay)
+    entries = list(tape.entries)
+    output = f"/ar_builder{RAW}"
+    spoilt = max(n for n, (_, topic, _) in enumerate(entries) if topic == output)
+    log_ns, topic, data = entries[spoilt]
+    last_row = len(data) - PADDING - 2 * WIDTH
+    entries[spoilt] = (log_ns, topic, data[:last_row] + b"\xff" * 2 * WIDTH + data[-PADDING:])
+    shutil.copytree(replay, tmp_path / "run")
+    replace(tape, entries=tuple(entries)).write_file(tmp_path / "run" / "augmented.mcap")
+    done = run_are("check", tmp_path / "run")
+    found = re.search(r"FAILED, (\d+) wrong of \d+ pixels .* has (\d+) pixels other", done.stdout)
+    assert found, done.stdout
+    assert int(found[1]) == int(found[2]) > 1
+
+
 def test_images_of_depths_are_known_by_what_they_hold(
     replay: Path, run_are: RunAre, tmp_path: Path
 ) -> None:

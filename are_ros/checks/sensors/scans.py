@@ -347,13 +347,15 @@ def check_depths(record: Record) -> CheckResult:
         if found.others:
             pixels = counted(found.others, "pixel")
             place = f"row {found.place[0]}, column {found.place[1]}"
-            tally.fail(f"{pair.topic} {at_s(stamp_ns)} has {pixels} other than expected; {place}")
+            said = f"{pair.topic} {at_s(stamp_ns)} has {pixels} other than expected; {place}"
+            tally.fail(said, found.others)
     if images:
         tally.note(f"of {counted(images, 'image')}")
     if by_a_step or at_edges:
         tally.note(f"{by_a_step} differ by a step of the encoding, {at_edges} at edges")
-    few = _FEW * tally.looked_at
-    tally.require(by_a_step <= few and at_edges <= few, "more pixels differ than rounding explains")
+    differ = max(by_a_step, at_edges)
+    if differ > _FEW * tally.looked_at:
+        tally.fail("more pixels differ than rounding explains", differ)
     return tally.result()
 
 
