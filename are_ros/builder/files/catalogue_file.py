@@ -1,5 +1,6 @@
 """Reading a catalogue of artefacts from YAML; each error names file, row, field and reason."""
 
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -211,6 +212,8 @@ def _shares(
     total = sum(numbers.values())
     if not total > 0.0:
         given.refuse(key, "has no positive weight")
+    if not math.isfinite(total):
+        given.refuse(key, "has weights whose sum is not finite; give smaller ones")
     return {name: number / total for name, number in numbers.items()}
 
 

@@ -187,6 +187,14 @@ def test_a_glb_stands_as_its_format_says(tmp_path: Path) -> None:
         ({"behaviours": {"zzz": 1}}, "behaviours.zzz is not known; known are standing"),
         ({"behaviours": {"walking": 0}}, "behaviours has no positive weight"),
         ({"behaviours": {}}, "behaviours has no positive weight"),
+        (
+            {"behaviours": {"standing": 1e308, "stopping": 1e308}, "motion": {"speed_mps": 1}},
+            "behaviours has weights whose sum is not finite",
+        ),
+        (
+            {"planners": {"social_force": 1e308, "dynamic_window": 1e308}},
+            "planners has weights whose sum is not finite",
+        ),
         ({"planners": {"nowhere:Man": 1}}, "planners.nowhere:Man cannot be imported"),
         ({"planners": {"os:sep": 1}}, "planners.os:sep is no class"),
         ({"planners": {"social_farce": 1}}, "not known; did you mean 'social_force'?"),
