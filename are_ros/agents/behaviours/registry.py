@@ -92,6 +92,10 @@ def user_class(name: str, known: Sequence[str], method: str, argument: str) -> t
     module_name, colon, class_name = name.partition(":")
     if not colon:
         raise CatalogueError(f"{name} is not known; known are {', '.join(known)}, and module:Class")
+    if not module_name or module_name.startswith("."):
+        raise CatalogueError(
+            f"{name} needs the full name of a module before the colon, as in package.module:Class"
+        )
     try:
         found = getattr(import_module(module_name), class_name)
     except (Exception, SystemExit) as cause:  # whatever user code raises

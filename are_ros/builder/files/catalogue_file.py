@@ -235,6 +235,8 @@ def _features(given: Fields) -> dict[str, str]:
 def _colour(given: Fields) -> tuple[float, float, float, float]:
     """Return a colour given as '#rrggbb', '#rrggbbaa', or three or four numbers in [0, 1]."""
     raw = given.raw("colour")
+    if raw is None:
+        given.refuse("colour", "is empty; '#rrggbb' needs its quotes, as # begins a comment")
     if isinstance(raw, str):
         digits = raw.removeprefix("#")
         if not raw.startswith("#") or len(digits) not in {6, 8} or not set(digits) <= _HEXADECIMAL:
