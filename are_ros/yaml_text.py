@@ -55,6 +55,20 @@ _Loader.add_implicit_resolver(
     list("-+.0123456789"),
 )
 
+
+def _whole_number(loader: _Loader, node: yaml.ScalarNode) -> int:
+    """Refuse 010, which is 8 by YAML 1.1 and 10 by YAML 1.2 and for most who write it."""
+    number = loader.construct_yaml_int(node)
+    digits = node.value.replace("_", "").lstrip("+-")
+    if digits.isdecimal() and int(digits) != abs(number):
+        problem = f"{node.value} may mean {abs(number)} or {int(digits)}: write the one that is"
+        problem += " meant, or quotes around a text"
+        raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
+    return number
+
+
+_Loader.add_constructor("tag:yaml.org,2002:int", _whole_number)
+
 # Beside YAMLError, errors that PyYAML's constructors raise, as for `2001-99-99` or `!!bool x`.
 _FAULTS = (
     yaml.YAMLError,

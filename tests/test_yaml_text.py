@@ -77,6 +77,14 @@ def test_an_exponent_makes_a_number(number: str) -> None:
     assert parse_yaml(number, "the text", ParameterError) == 0.001
 
 
+@pytest.mark.parametrize("number", ["010", "-010", "0_10"])
+def test_a_number_with_a_zero_before_it_is_refused(number: str) -> None:
+    """YAML 1.1 reads 8, and most mean 10; 007 is 7 for all, and a text in quotes is no number."""
+    with pytest.raises(ParameterError, match=f"line 2: {number} may mean 8 or 10: write the one"):
+        parse_yaml(f"a: 1\nb: [{number}, 1]\n", "the text", ParameterError)
+    assert parse_yaml("[007, 00, '010', 0x10, 10]", "it", ParameterError) == [7, 0, "010", 16, 10]
+
+
 def test_a_line_is_named() -> None:
     """The line where the reader stumbles, counted from 1."""
     with pytest.raises(ParameterError, match="no valid YAML, line 3: "):
