@@ -11,6 +11,8 @@ from are_ros.bag.types import OCTOMAP_TYPE
 from are_ros.errors import BagError
 from are_ros.messages.images.image import camera_info_topic, raw_topic
 from are_ros.messages.sensors import SENSORS
+from are_ros.parameters.model import SensorsParameters
+from are_ros.wording import listed
 
 TF_TYPES: Final = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 
@@ -33,6 +35,11 @@ ROLE_TYPES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     }
 )
 """The roles, in the order they are listed, with the types that serve; the default is "/<role>"."""
+
+BY_NAME: Final = frozenset(
+    role for role, kind in SENSORS.items() if not kind.is_by_role(SensorsParameters())
+)
+"""The roles that no topic plays unless the user names it."""
 
 _UPDATE_TYPE: Final = "map_msgs/msg/OccupancyGridUpdate"
 _TELLTALES: Final = {
@@ -125,6 +132,25 @@ def _with_updates(real_map: FoundRole, filled: Iterable[BagTopic]) -> FoundRole:
     said += " always_send_full_costmap), or give the last one with --map FILE.yaml"
     sentence = "; ".join(filter(None, (real_map.sentence, said)))
     return replace(real_map, sentence=sentence)
+
+
+def left_as_they_are(
+    topics: Iterable[BagTopic], roles: RolesFound, named: Mapping[str, Sequence[str]]
+) -> Iterable[str]:
+    """Say which topics of sensors without images are not augmented, with the options for all.
+
+    `named` are the topics that the user names for sensors' roles. There is no word about a role
+    that is still to be chosen or was given no topic.
+    """
+    named = {**dict.fromkeys(BY_NAME, ()), **named}
+    players = {role: tuple(named.get(role, roles.by_topic((role,)))) for role in ROLE_TYPES}
+    used = {topic for of_role in players.values() for topic in of_role}
+    free = [t for t in topics if t.count and t.name not in used and PREFIX not in t.name]
+    for role, kind in SENSORS.items():
+        left = [topic.name for topic in free if topic.type_name == kind.type_name]
+        if left and not kind.is_image and (players[role] or role in BY_NAME):
+            options = " ".join(f"--topic {role}:={name}" for name in (*players[role], *left))
+            yield f"left as they are: {listed(left)}; to augment all, give {options}"
 
 
 def read_overrides(texts: Iterable[str]) -> dict[str, str]:

@@ -11,7 +11,14 @@ import numpy.typing as npt
 
 from are_ros.agents.robots import TOO_OLD, WITHOUT_STAMP
 from are_ros.bag.reader import BagReader
-from are_ros.bag.roles import CAMERA, OCTOMAP, RolesFound, find_roles
+from are_ros.bag.roles import (
+    CAMERA,
+    OCTOMAP,
+    RolesFound,
+    find_roles,
+    left_as_they_are,
+    slashed,
+)
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import catalogue_of, parse_static_transforms
@@ -104,7 +111,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
     with BagReader(options.bags) as reader:
         with stopwatch.phase("start_up"):
             roles = find_roles(reader.topics, options.topics)
-            _say_what_is_missing(options, roles, say)
+            _say_what_is_missing(options, reader, roles, say)
             timeline = Timeline.of(reader, options, roles)
             options = _adapted(options, timeline)
             catalogue = catalogue_of(options.parameters)
@@ -236,12 +243,19 @@ def _feed_files(
     builder.prepare()
 
 
-def _say_what_is_missing(options: ReplayOptions, roles: RolesFound, say: Say) -> None:
-    """Raise BagError where there is no map; say which topics play the other roles."""
+def _say_what_is_missing(
+    options: ReplayOptions, reader: BagReader, roles: RolesFound, say: Say
+) -> None:
+    """Raise BagError where there is no map; say which topics play the other roles, or none."""
     sensors = options.parameters.sensors
-    named = [role for role, kind in SENSORS.items() if not kind.is_by_role(sensors)]
+    named = {
+        role: [slashed(topic) for topic in kind.topics(sensors)]
+        for role, kind in SENSORS.items()
+        if not kind.is_by_role(sensors)
+    }
     given = [OCTOMAP] if options.octomap_file is not None else []
-    for sentence in roles.sentences(silent=[*named, *given]):
+    said = roles.sentences(silent=[*named, *given])
+    for sentence in (*said, *left_as_they_are(reader.topics, roles, named)):
         say(sentence)
     if roles.topic("map") is None and options.map_file is None:
         if roles.to_choose(("map",)):

@@ -3,11 +3,11 @@
 import pytest
 
 from are_ros.bag.reader import BagTopic
-from are_ros.bag.roles import ROLE_TYPES, find_roles, read_overrides, sensors_of
+from are_ros.bag.roles import ROLE_TYPES, find_roles, left_as_they_are, read_overrides, sensors_of
 from are_ros.errors import BagError
 
 SCAN, CLOUD = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2"
-TF = "tf2_msgs/msg/TFMessage"
+RANGE, TF = "sensor_msgs/msg/Range", "tf2_msgs/msg/TFMessage"
 
 
 def topics(**types: str) -> list[BagTopic]:
@@ -40,6 +40,21 @@ def test_several_of_a_type_are_listed() -> None:
         "scan: there is no /scan, and several topics are sensor_msgs/msg/LaserScan:"
         " /front, /rear; choose one with --topic scan:=/NAME (repeatable: all are augmented)"
     )
+
+
+def test_what_is_left_as_it_is_is_told_with_the_options_for_all() -> None:
+    """Beside one that plays the role; sonars, whose topics a user names; never outputs."""
+    found = topics(scan=SCAN, rear=SCAN, ar_builder__scan=SCAN, sonar=RANGE, octomap=CLOUD)
+    roles = find_roles(found, {})
+    sonar = "left as they are: /sonar; to augment all, give --topic range:=/sonar"
+    assert list(left_as_they_are(found, roles, {})) == [
+        "left as they are: /rear; to augment all, give --topic scan:=/scan --topic scan:=/rear",
+        sonar,
+    ]
+    assert list(left_as_they_are(found, roles, {"scan": ("/scan", "/rear")})) == [sonar]
+    assert list(left_as_they_are(found, roles, {"scan": (), "range": ("/sonar",)})) == []
+    unclear = topics(front=SCAN, rear=SCAN)
+    assert list(left_as_they_are(unclear, find_roles(unclear, {}), {})) == []
 
 
 def test_what_the_node_gave_out_plays_no_role() -> None:

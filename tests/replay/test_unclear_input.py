@@ -68,6 +68,21 @@ def test_two_lasers_are_both_augmented(
     assert "choose one with --topic" not in again.stderr
 
 
+def test_a_second_laser_that_stays_as_it_is_is_told(
+    run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path
+) -> None:
+    """A topic by the usual name is augmented alone; a replay says so, with the options for both."""
+    rear = [("/rear", at, copy.deepcopy(m)) for topic, at, m in sample_records if topic == "/scan"]
+    records = sorted([*sample_records, *rear], key=lambda record: record[1])
+    bag = write_bag(tmp_path / "bag.mcap", records)
+    both = ("--topic", "scan:=/scan", "--topic", "scan:=/rear")
+    short = ("--duration", 1, "--out", tmp_path / "out")
+    said = f"left as they are: /rear; to augment all, give {' '.join(both)}"
+    assert said in run_are("inspect", bag).stdout
+    assert said in run_are("replay", bag, *short).stderr
+    assert "left as they are" not in run_are("replay", bag, *both, *short).stderr
+
+
 def test_an_option_replaces_a_transform_of_the_file(
     run_are: RunAre, sample_bag: Path, tmp_path: Path
 ) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -19,8 +19,16 @@ from are_ros.bag.clock import (
     first_time,
 )
 from are_ros.bag.reader import BagMessage, BagReader, BagTopic
-from are_ros.bag.recording import PREFIX
-from are_ros.bag.roles import CAMERA, OCTOMAP, ROLE_TYPES, RolesFound, find_roles, types_of
+from are_ros.bag.roles import (
+    BY_NAME,
+    CAMERA,
+    OCTOMAP,
+    ROLE_TYPES,
+    RolesFound,
+    find_roles,
+    left_as_they_are,
+    types_of,
+)
 from are_ros.bag.stretches import (
     Stretches,
     in_reach,
@@ -35,18 +43,14 @@ from are_ros.messages.images.image import read_camera_info
 from are_ros.messages.maps import read_grid
 from are_ros.messages.sensors import SENSORS, lens_topics, noun_of, sensor_topics
 from are_ros.messages.transforms import StampedTransform
-from are_ros.parameters.model import PosesParameters, SensorsParameters
+from are_ros.parameters.model import PosesParameters
 from are_ros.replay.survey.frame_survey import FrameSurvey, FrameSurveyor, hertz, static_tf_option
 from are_ros.replay.survey.recorded_pose import option_of_poses
 from are_ros.replay.timeline import LATE_INPUT_NS, WITHOUT_CAMERA_INFO
 from are_ros.wording import aligned, counted, listed, section, several
 from are_ros.world.transforms.table import TransformSource
 
-_BY_NAME: Final = frozenset(
-    role for role, kind in SENSORS.items() if not kind.is_by_role(SensorsParameters())
-)
-"""The roles that no topic plays unless the user names it."""
-_SENSOR_ROLES = (*(role for role in SENSORS if role not in _BY_NAME), CAMERA)
+_SENSOR_ROLES = (*(role for role in SENSORS if role not in BY_NAME), CAMERA)
 _GIVEN = "given"
 _LONG_NS = 2 * NS_PER_S
 """In a shorter recording transforms that come slowly may come once."""
@@ -441,7 +445,7 @@ def _missing_lenses(reader: BagReader, sensors: Mapping[str, str]) -> Iterable[s
 def _unchosen(roles: RolesFound, sensors: Mapping[str, Sequence[str]]) -> Iterable[str]:
     """Say for which sensors the user has to choose among topics: without it none is augmented."""
     for role in roles.to_choose(SENSORS):
-        if role not in {*sensors, *_BY_NAME}:
+        if role not in {*sensors, *BY_NAME}:
             yield f"a choice of {several(noun_of(role))}: --topic {role}:=/NAME (see roles)"
 
 
@@ -540,30 +544,16 @@ def inspection_lines(inspection: Inspection, map_file: Path | None = None) -> li
 
 def _said_of_roles(inspection: Inspection) -> Iterable[str]:
     """Return the notices on the roles, and which readings are left as they are."""
-    yield from inspection.roles.sentences(silent=_BY_NAME - inspection.sensors.keys())
+    yield from inspection.roles.sentences(silent=BY_NAME - inspection.sensors.keys())
     yield from inspection.misfits
-    played = {_players(inspection, role) for role in ROLE_TYPES}
-    used = {name for names in played for name in names.split(", ")}
-    for role, kind in SENSORS.items():
-        left = [
-            entry.topic.name
-            for entry in inspection.topics
-            if entry.topic.count and entry.topic.type_name == kind.type_name
-        ]
-        left = [name for name in left if name not in used and PREFIX not in name]
-        if left and role in _BY_NAME - inspection.sensors.keys():
-            yield f"left as they are: {listed(left)}; --topic {role}:=/NAME augments one"
-        elif left and not kind.is_image and _players(inspection, role) != "-":
-            yield (
-                f"left as they are: {listed(left)}; sensors.{kind.parameter} names all {kind.role}"
-                " topics that are to be augmented"
-            )
+    topics = [entry.topic for entry in inspection.topics]
+    yield from left_as_they_are(topics, inspection.roles, inspection.sensors)
 
 
 def _players(inspection: Inspection, role: str) -> str:
     """Return the topics of a role: several only of sensors."""
     named = ", ".join(inspection.sensors.get(role, ()))
-    found = None if role in _BY_NAME else inspection.roles.topic(role)
+    found = None if role in BY_NAME else inspection.roles.topic(role)
     return named or found or "-"
 
 
