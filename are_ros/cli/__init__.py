@@ -2,6 +2,7 @@
 
 Exit status: 0 success; 1 an error, printed as one sentence; 2 a usage error; 3 finished, but some
 input was refused or left out, a result could not be written, or a check failed; 130 interrupted.
+A doubt, as about clocks or the map, is only said.
 """
 
 import os

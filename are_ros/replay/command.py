@@ -130,7 +130,8 @@ def options_of(skip: Sequence[str], also: Sequence[str], **options: Any) -> Repl
 def replay_command(say: Say, **options: Any) -> bool:
     """Run `are replay`; return False if input was refused or a result could not be written.
 
-    Raises AreError where there is no result.
+    So it does if most readings of a topic were not augmented; fewer, as before the first transform,
+    and doubts about map and clocks are only said. Raises AreError where there is no result.
     """
     replay = options_of(**options)
     wanted = options.get("animate")
