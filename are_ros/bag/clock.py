@@ -82,7 +82,7 @@ class Times:
 
 @dataclass(frozen=True, eq=False)
 class RecordedTimes:
-    """The times of one window of a recording that begins at `bag_start_ns`.
+    """The times of one window of a recording from whose `bag_start_ns` --start counts.
 
     `sources` are the candidates for the clock, the best first: /clock (only where it disagrees with
     the times of recording), odometry, moving edges, scans. Fixed joints are none: they are often
@@ -148,7 +148,7 @@ class RecordedTimes:
                 edges.setdefault(edge, times)
                 odometry_child = edge[1]
         return cls(
-            bag_start_ns=reader.start_ns,
+            bag_start_ns=begin_of(reader, moving),
             sources=(*_clock(reader, start_ns, stop_ns), *_telling(found)),
             edges=edges,
             static_edges=frozenset(_static_edges(reader, role_of_topic, stop_ns)),
@@ -170,6 +170,15 @@ def first_time(
         return None
     first = next(reader.messages(list(topics), start_ns), None)
     return None if first is None else first.log_time_ns
+
+
+def begin_of(reader: BagReader, moving: Collection[str]) -> int:
+    """Return the log time from which --start counts.
+
+    What lies a minute or more before everything that moves does not count.
+    """
+    first_ns = first_time(reader, moving) or reader.start_ns
+    return first_ns if first_ns - reader.start_ns >= IDLE_NS else reader.start_ns
 
 
 def _still_since(reader: BagReader, moving: Collection[str], start_ns: int) -> int | None:
@@ -384,10 +393,17 @@ def _instants(source: Times, bag_start_ns: int) -> tuple[Ints, Ints, str]:
 
 def _said_of(jump: JumpBack, bag_start_ns: int) -> str:
     from_s, until_s = ((ns - bag_start_ns) / NS_PER_S for ns in (jump.from_ns, jump.until_ns))
+    # Rounded inwards, so that nothing of another part is in a window of just these numbers.
+    tenth_ns = NS_PER_S // 10
+    lone = [
+        (-((bag_start_ns - first_ns) // tenth_ns) / 10, (last_ns - bag_start_ns) // tenth_ns / 10)
+        for first_ns, last_ns in jump.lone
+    ]
+    windows = [f"--start {first:.1f} --duration {last - first:.1f}" for first, last in lone]
+    advice = f"replay one part of it: {' or '.join(windows)}" if windows else "all of it is mixed"
     return (
         f"{jump.topic}: the log times jump back from {until_s:.1f} s to {from_s:.1f} s (the clock"
-        " was set, or a simulation began anew while it was recorded by its own clock), and what is"
-        " between is mixed: replay what is before or after that with --start and --duration"
+        f" was set, or a simulation began anew while it was recorded by its own clock): {advice}"
     )
 
 

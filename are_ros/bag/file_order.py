@@ -6,7 +6,7 @@ anew while it was recorded by its own clock: in order of log time such messages 
 
 import sqlite3
 import struct
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import closing
 from itertools import chain
 from pathlib import Path
@@ -29,11 +29,16 @@ Raw = tuple[int, int, bytes]
 
 
 class JumpBack(NamedTuple):
-    """The log times of a topic that occur twice: from `from_ns` to `until_ns`."""
+    """The log times of a topic jump back from `until_ns` to `from_ns`.
+
+    The jumps of a file part it. `lone` are the times (first, last) in which only one part lies, in
+    order: each can be replayed by itself.
+    """
 
     topic: str
     from_ns: int
     until_ns: int
+    lone: tuple[tuple[int, int], ...] = ()
 
 
 def has_file_order(file: Path) -> bool:
@@ -60,6 +65,8 @@ def jump_back(
 ) -> JumpBack | None:
     """Return the furthest jump back within [start_ns, stop_ns), None where by less than a second.
 
+    A window that lies in one of the parts has none.
+
     `reader` is rosbags' of the file. Errors as `messages_in_file_order`.
     """
     names = {one.id: one.topic for one in reader.connections if one.topic in topics}
@@ -72,16 +79,48 @@ def jump_back(
     window = start_ns, stop_ns
     found = (_furthest(names[number], at_ns, *window) for number, at_ns in times.items())
     jumps = [jump for jump in found if jump is not None]
-    return max(jumps, key=lambda jump: jump.until_ns - jump.from_ns, default=None)
+    if not jumps:
+        return None
+    worst = max(jumps, key=lambda jump: jump.until_ns - jump.from_ns)
+    return worst._replace(lone=_lone(times.values()))
+
+
+def _parts(times_ns: _Times) -> _Times:
+    """Return the number of each message's part (N,): a jump back begins another one."""
+    return np.cumsum(np.diff(times_ns, prepend=times_ns[:1]) < -_LEAST_JUMP_NS)
 
 
 def _furthest(topic: str, times_ns: _Times, start_ns: int, stop_ns: int) -> JumpBack | None:
-    latest_ns = np.maximum.accumulate(times_ns)
-    back_ns = (latest_ns - times_ns) * ((times_ns < stop_ns) & (start_ns <= latest_ns))
-    if not len(back_ns) or back_ns.max() <= _LEAST_JUMP_NS:
+    """Return the furthest jump between parts of which both have messages in the window.
+
+    Parts that follow each other in the window are in order, however far they go outside it.
+    """
+    inside = (start_ns <= times_ns) & (times_ns < stop_ns)
+    parts = _parts(times_ns)
+    numbers = parts[inside]
+    if not len(numbers) or numbers[0] == numbers[-1]:
         return None
-    worst = int(back_ns.argmax())
-    return JumpBack(topic, int(times_ns[worst]), int(latest_ns[worst]))
+    begins = np.flatnonzero(np.diff(numbers, prepend=-1))
+    firsts = np.minimum.reduceat(times_ns[inside], begins)
+    lasts = np.maximum.accumulate(np.maximum.reduceat(times_ns[inside], begins))
+    back_ns = lasts[:-1] - firsts[1:]
+    if back_ns.max() <= 0:
+        return None
+    later = parts == numbers[begins[int(back_ns.argmax()) + 1]]
+    until_ns = times_ns[: int(later.argmax())].max()
+    return JumpBack(topic, int(times_ns[later].min()), int(until_ns))
+
+
+def _lone(all_times_ns: Iterable[_Times]) -> tuple[tuple[int, int], ...]:
+    """Return the times, longer than a second, in which no topic has messages of two parts."""
+    parted = [(one, _parts(one)) for one in all_times_ns if _parts(one).any()]
+    times_ns, parts = (np.concatenate(columns) for columns in zip(*parted, strict=True))
+    order = np.argsort(times_ns, kind="stable")
+    times_ns, parts = times_ns[order], parts[order]
+    begins = np.flatnonzero(np.diff(parts, prepend=-1))
+    firsts, lasts = times_ns[begins], times_ns[np.append(begins[1:], len(parts)) - 1]
+    spans = zip(firsts.tolist(), lasts.tolist(), strict=True)
+    return tuple(span for span in spans if span[1] - span[0] > _LEAST_JUMP_NS)
 
 
 def _times_of_database(file: Path, numbers: Collection[int]) -> dict[int, _Times]:

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from are_ros.bag.clock import MOVING_ROLES, BagClock, Edge, Ints, RecordedTimes, first_time
+from are_ros.bag.clock import MOVING_ROLES, BagClock, Edge, Ints, RecordedTimes, begin_of
 from are_ros.bag.reader import BagReader
 from are_ros.builder.population_manager import IDLE_NS
 from are_ros.conventions import NS_PER_S, seconds_to_ns
@@ -106,9 +106,8 @@ class Window:
     ) -> "Window":
         """Return the window; BagError, naming the option, where nothing lies in it."""
         moving = [topic for topic, role in role_of_topic.items() if role in MOVING_ROLES]
-        still_ns = (first_time(reader, moving) or reader.start_ns) - reader.start_ns
-        still_ns = still_ns if still_ns >= GAP_NS else 0
-        begin_ns, stop_ns = reader.start_ns + still_ns, reader.end_ns
+        begin_ns, stop_ns = begin_of(reader, moving), reader.end_ns
+        still_ns = begin_ns - reader.start_ns
         start_ns = begin_ns + seconds_to_ns(start_s)
         if duration_s is not None:
             stop_ns = min(stop_ns, start_ns + seconds_to_ns(duration_s))

@@ -1,6 +1,7 @@
 """Recordings whose log times lie far from their stamps."""
 
 import json
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from subprocess import CompletedProcess
@@ -163,9 +164,32 @@ def test_a_recording_whose_log_looped_is_refused(
     assert done.returncode == 1
     until_s = (end_ns - start_ns) / NS_PER_S
     assert f"the log times jump back from {until_s:.1f} s to 2.0 s" in done.stderr
+    assert "replay one part of it: --start 0.1 --duration 1.9" in done.stderr
     assert "the clock jumps back (see time)" in run_are("inspect", bag).stdout
     done = run_are("replay", bag, "--duration", 1.5, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("name", ["b.mcap", "b.db3"])
+def test_the_windows_that_are_named_after_a_jump_can_be_replayed(
+    run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path, name: str
+) -> None:
+    """A clock that was an hour ahead at first, beside a map with the time of its making."""
+    day_ns, hour_ns = 24 * 3600 * NS_PER_S, 3600 * NS_PER_S
+    first_ns = sample_records[0][1]
+    maps = [(topic, first_ns - day_ns, one) for topic, _, one in sample_records if topic == "/map"]
+    drive = [record for record in sample_records if record[0] != "/map"]
+    ahead = [(topic, at + hour_ns, one) for topic, at, one in drive if at < first_ns + 3 * NS_PER_S]
+    bag = write_bag(tmp_path / name, [*maps, *ahead, *drive])
+    done = run_are("replay", bag, "--out", tmp_path / "out")
+    assert done.returncode == 1
+    assert done.stderr.removeprefix("are: ") in run_are("inspect", bag).stdout
+    windows = re.findall(r"--start (\S+) --duration (\S+)", done.stderr)
+    assert [float(start_s) for start_s, _ in windows] == pytest.approx([0.0, 3600.0], abs=0.11)
+    for start_s, duration_s in windows:
+        window = ("--start", start_s, "--duration", duration_s)
+        done = run_are("replay", bag, *window, "--out", tmp_path / "out")
+        assert done.returncode == 0, done.stderr
 
 
 def test_a_map_from_long_before_does_not_stretch_the_replay(

@@ -163,11 +163,11 @@ def test_a_clock_that_jumped_back_shows_in_the_order_of_the_file(
     times = [("/a", at) for at in (2, 4, 6, 3, 5, 7)] + [("/b", at) for at in (2, 3, 8)]
     records = strings(factory, *((topic, at * s, f"{k}") for k, (topic, at) in enumerate(times)))
     with BagReader([write_bag(tmp_path / f"bag{suffix}", records)]) as reader:
-        assert reader.jump_back(["/a", "/b"], 0, 9 * s) == ("/a", 3 * s, 6 * s)
+        assert reader.jump_back(["/a", "/b"], 0, 9 * s) == ("/a", 3 * s, 6 * s, ())
         assert reader.jump_back(["/b"], 0, 9 * s) is None
         assert reader.jump_back(["/a"], 0, 3 * s) is None, "before it"
         assert reader.jump_back(["/a"], 6 * s + 1, 9 * s) is None, "after it"
-        assert reader.jump_back(["/a"], 5 * s, 9 * s) == ("/a", 3 * s, 6 * s)
+        assert reader.jump_back(["/a"], 5 * s, 9 * s) == ("/a", 3 * s, 6 * s, ())
         written = [reader.deserialize(one).data for one in reader.in_file_order(["/a"])]
         if suffix != ".bag":
             assert written == ["0", "1", "2", "3", "4", "5"]
@@ -184,7 +184,36 @@ def test_a_jump_of_many_chunks_is_found(
     records = strings(factory, *(("/a", at, text) for at in times))
     with BagReader([write_bag(tmp_path / "bag.mcap", records)]) as reader:
         jump = reader.jump_back(["/a"], reader.start_ns, reader.end_ns)
-        assert jump == (("/a", times[79], times[78]) if back_s > 1.0 else None)
+        assert (jump and jump[:3]) == (("/a", times[79], times[78]) if back_s > 1.0 else None)
+
+
+@pytest.mark.parametrize("suffix", KINDS)
+def test_parts_that_are_not_mixed_can_be_read_one_by_one(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag, suffix: str
+) -> None:
+    """A clock that was an hour ahead, until it was set: no log time is one of both parts.
+
+    One that is an hour ahead only for a while parts what came before from what comes after.
+    """
+    s, hour = NS_PER_S, 3600 * NS_PER_S
+    ahead = [hour + k * s for k in range(1, 9)]
+    right = [k * s for k in range(1, 61)]
+    for times, lone in (
+        (ahead + right, ((s, 60 * s), (hour + s, hour + 8 * s))),
+        (
+            right[:30] + ahead + right[30:],
+            ((s, 30 * s), (31 * s, 60 * s), (hour + s, hour + 8 * s)),
+        ),
+    ):
+        records = strings(factory, *(("/a", at, f"{at}") for at in times))
+        with BagReader([write_bag(tmp_path / f"{len(lone)}{suffix}", records)]) as reader:
+            jump = reader.jump_back(["/a"], 0, 2 * hour)
+            assert jump is not None
+            assert (jump.until_ns, jump.lone) == (hour + 8 * s, lone)
+            for first_ns, last_ns in lone:
+                assert reader.jump_back(["/a"], first_ns, last_ns + 1) is None
+            assert reader.jump_back(["/a"], 0, 61 * s) is None, "in order"
+            assert reader.jump_back(["/a"], 55 * s, hour + 3 * s) is not None
 
 
 def test_a_file_that_is_named_twice_is_read_once(in_two_files: Path) -> None:
