@@ -100,7 +100,7 @@ class Record:
     stamp. `depths` are the topics of images of depths, empty if none went out.
     `infos_of_depths` are topics whose CameraInfo is that of such images only, and not the robot's
     camera. `meshes` are the triangles (F, 3, 3) in F_A that markers show, by the artefact's id,
-    where there are images of depths or augmented octomaps.
+    where there are readings of sensors or augmented octomaps.
     `lags_ns` is how late a live recorder logged each tick.
     """
 
@@ -133,6 +133,9 @@ class Record:
     farewell_messages: list[Perceived | Metrics] = field(default_factory=list)
     lags_ns: list[int] = field(default_factory=list)
     runs: Runs = field(default_factory=Runs)
+
+    _meshes_by_bytes: dict[bytes, NDArray[np.float64]] = field(default_factory=dict)
+    """Those of one row of the catalogue are one, however many artefacts have it."""
 
     def __post_init__(self) -> None:
         """Take the transforms of the parameters, which hold against recorded ones."""
@@ -256,9 +259,11 @@ class Record:
     def take_meshes(self, markers: Iterable[MarkerFields]) -> None:
         """Keep the triangles of artefacts that are shown for the first time."""
         for marker in markers:
-            if marker.namespace == _BODY and marker.kind == TRIANGLES and len(marker.points):
+            is_mesh = marker.namespace == _BODY and marker.kind == TRIANGLES
+            is_mesh &= len(marker.points) > 0 and len(marker.points) % 3 == 0
+            if is_mesh and marker.number not in self.meshes:
                 mesh = np.asarray(marker.points, np.float64).reshape(-1, 3, 3)
-                self.meshes.setdefault(marker.number, mesh)
+                self.meshes[marker.number] = self._meshes_by_bytes.setdefault(mesh.tobytes(), mesh)
 
     def settle(self) -> None:
         """Part the ticks of a live recording from farewells, and find the runs of them."""
@@ -425,7 +430,9 @@ class Reading:
         painted = {topic for topic in images if topic.startswith(PREFIX)}
         of_depths = frozenset(topic for topic in images if self._holds_depths(topic))
         depths = of_depths if painted & of_depths else frozenset[str]()
-        self._has_meshes = bool(depths) or PREFIX + AUGMENTED_OCTOMAP in types
+        has_scans = any(name.startswith(PREFIX) and types[name] in BEAMS for name in types)
+        self._has_meshes = bool(depths) or has_clouds or has_scans
+        self._has_meshes |= PREFIX + AUGMENTED_OCTOMAP in types
         infos = {topic for topic, type_name in types.items() if type_name == _INFO}
         inputs = {topic for topic in infos if not topic.startswith(PREFIX)}
         of_others = inputs.difference(map(info_topic, of_depths))

@@ -17,6 +17,7 @@ from are_ros.checks.overlaps import check_clutter, check_neighbours, check_robot
 from are_ros.checks.record import Reading
 from are_ros.checks.result import CheckResult, Outcome
 from are_ros.checks.sensors.depth_images import DepthFrame
+from are_ros.checks.sensors.missing import check_missing
 from are_ros.checks.sensors.octomap import check_octomap
 from are_ros.checks.sensors.painted import check_boxes, check_images
 from are_ros.checks.sensors.scans import check_depths, check_scans
@@ -77,7 +78,7 @@ def check_recording(
             checks = (*checks, check_certainty, check_predicted)
         results += [check(record) for check in checks]
         results += check_grids(record, reading.grids())
-    results += check_scans(record)
+    results += [*check_scans(record), check_missing(record)]
     for is_there, check in (
         (record.scans.counts[DepthFrame], check_depths),
         (record.has_images, check_images),

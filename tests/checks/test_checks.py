@@ -22,6 +22,7 @@ from are_ros.builder.costmap.registration import CellPatch, covered_cells, patch
 from are_ros.checks.oracle.plane import distances_m
 from are_ros.checks.result import CheckResult
 from are_ros.checks.run import Outcome, check_recording
+from are_ros.checks.sensors.depth_images import box_triangles
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
 from are_ros.messages.sensors import SENSORS, SensorKind
@@ -393,6 +394,7 @@ def _add_event(draft: Draft, kind: int, number: int, stamp_ns: int) -> None:
 
 
 Break = Callable[[Draft], None]
+MISSING = "rays that artefacts stop"
 
 
 @pytest.fixture(scope="module")
@@ -412,7 +414,7 @@ def test_a_right_replay_passes_every_check(right: Draft, tmp_path: Path) -> None
     results = check_recording(right.write(tmp_path))
     assert [r.sentence() for r in results if r.outcome is not Outcome.PASSED] == []
     assert all(result.looked_at > 0 for result in results)
-    assert len({result.name for result in results}) == len(results) == 29
+    assert len({result.name for result in results}) == len(results) == 30
 
 
 def _drop(name: str, index: int) -> Break:
@@ -609,6 +611,27 @@ def _too_close(beam: int) -> Break:
         ranges[beam] = -math.inf
 
     return change
+
+
+def _as_it_came(index: int, shape: str) -> Break:
+    """Return what lets one scan go out as it came in, with artefact 1 in the way of a beam."""
+
+    def change(draft: Draft) -> None:
+        draft.values["sensors.shape"] = shape
+        _show_box(draft)
+        when, real = draft.messages["/scan"][index]
+        draft.of("scan")[index] = (when + 4 * MS, copy.deepcopy(real))
+
+    return change
+
+
+def _show_box(draft: Draft) -> None:
+    """Let the mesh of artefact 1 be that of its box, which is 0.4 m lower than its pose."""
+    corners = box_triangles() * 0.5 * np.array(SIZE_M) + (0.0, 0.0, 0.1)
+    marker = draft.of("markers")[0][1].markers[1]
+    points = corners.reshape(-1, 3).tolist()
+    marker.points = [MAKE("geometry_msgs/msg/Point", x=x, y=y, z=z) for x, y, z in points]
+    marker.colors = [marker.colors[0]] * len(marker.points)
 
 
 def _without_text(draft: Draft) -> None:
@@ -824,6 +847,9 @@ BROKEN: dict[str, tuple[str, Break, str]] = {
     ),
     "beam at yesterday": ("ends of changed beams", _walk_away, "where no artefact is"),
     "beam at the dead": ("ends of changed beams", _scan_after_departure, "where no artefact is"),
+    "scan as it came": (MISSING, _as_it_came(0, "mesh"), "artefact 1 is in the way of 1 ray"),
+    "as it came, box": (MISSING, _as_it_came(0, "box"), "artefact 1 is in the way of 1 ray"),
+    "as it came, of no return": (MISSING, _as_it_came(1, "box"), "at 1000.240000000 s as it came"),
     "nothing too close": ("ends of changed beams", _too_close(1), "where no artefact is"),
 }
 
@@ -1079,6 +1105,50 @@ def test_a_cloud_is_judged_point_by_point(right: Draft, tmp_path: Path) -> None:
         assert results["scans"].looked_at == 3
         failed = {name: r.sentence() for name, r in results.items() if r.outcome is Outcome.FAILED}
         assert set(failed) == ({wrong} if wrong else set()), (ours_m, failed)
+
+
+def test_a_cloud_that_went_out_as_it_came_is_caught(right: Draft, tmp_path: Path) -> None:
+    """A point behind an artefact, not one before it, nor one that nothing is in front of."""
+    x, y, _ = PLACES[1]
+    toward, apart_m = math.atan2(y - ROBOT[1], x - ROBOT[0]), math.hypot(x - ROBOT[0], y - ROBOT[1])
+    for far_m, off, wrong in ((3.0, 0.0, True), (apart_m - 0.2, 0.0, False), (3.0, 0.5, False)):
+        point = far_m * math.cos(toward + off), far_m * math.sin(toward + off), 0.0
+        draft = copy.deepcopy(right)
+        _show_box(draft)
+        _with_cloud(draft, [point, (math.nan,) * 3], [point, (math.nan,) * 3])
+        draft.messages[OUT + "points"][0][1].data = draft.messages["/lidar"][0][1].data
+        result = results_of(draft, tmp_path)[MISSING]
+        assert result.looked_at == 3
+        assert (result.outcome is Outcome.FAILED) == wrong, result.sentence()
+        assert result.counter_example.startswith("/ar_builder/points" if wrong else "")
+
+
+def test_a_beam_that_no_artefact_has_to_stop_may_stay(right: Draft, tmp_path: Path) -> None:
+    """Past the triangles in its box, to what is nearer, to a wall, or said to be too close."""
+
+    def at_all(shape: str, value: float) -> Draft:
+        draft = copy.deepcopy(right)
+        for topic in ("/scan", "/ar_builder/scan"):
+            draft.messages[topic][0][1].ranges[0] = value
+        _as_it_came(0, shape)(draft)
+        return draft
+
+    def results(draft: Draft) -> CheckResult:
+        return results_of(draft, tmp_path)[MISSING]
+
+    assert results(at_all("box", 3.0)).outcome is Outcome.FAILED
+    assert results(at_all("box", 0.6)).outcome is Outcome.PASSED
+    assert results(at_all("box", -math.inf)).outcome is Outcome.PASSED
+    hollow, hidden, unseen = (at_all("mesh", math.inf) for _ in range(3))
+    points = hollow.of("markers")[0][1].markers[1].points
+    for point in points:
+        point.z = min(point.z, -0.2)
+    assert results(hollow).outcome is Outcome.PASSED
+    for _, message in hidden.messages["/map"]:
+        message.data.reshape(20, 20)[7, 7] = 100
+    assert results(hidden).outcome is Outcome.PASSED
+    unseen.values["sensors.gate"] = "perceived"
+    assert results(unseen).outcome is Outcome.SKIPPED
 
 
 def test_memory_and_gate_decide_what_the_map_shows(right: Draft, tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,8 @@ _FREE: Final = frozenset(
 
 _SIZES: Final = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 8: 8}
 """Bytes of a number by the datatype of its PointField; of others nothing may change."""
+_MOST_RAYS: Final = 2000
+"""Of the rays of a reading that did not change, so many are looked at."""
 _NOTHING_M: Final = 1e-3
 _SAME_RAY: Final = 1e-5
 
@@ -54,6 +56,18 @@ class Changes:
     spacing_m: float = 0.0
 
 
+class Rays(NamedTuple):
+    """The rays of a reading that came out as they had come in: unit vectors `ways` (N, 3).
+
+    `limits_m` (N,) is up to where an artefact would be seen on them: the return, and where there
+    was none (`unreturned`), the farthest that the sensor measures.
+    """
+
+    ways: NDArray[np.float64]
+    limits_m: NDArray[np.float64]
+    unreturned: NDArray[np.bool_]
+
+
 @dataclass(frozen=True, eq=False)
 class Sample(ABC):
     """A reading of a sensor as the checks decode it: its stamp, when it counts, and its frame.
@@ -75,6 +89,10 @@ class Sample(ABC):
     @abstractmethod
     def changes(self, output: Any) -> Changes:
         """Return how an output of the same class differs from this input."""
+
+    def unchanged(self, output: Any) -> Rays | None:  # noqa: ARG002 - of those that have rays
+        """Return rays of the output that did not change; None of what has no single rays."""
+        return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,10 +125,21 @@ class LaserSample(Sample):
         if fault := fault or self._intensity_fault(output, which):
             return Changes(fault)
         ends_m, too_close = _ends(output.ranges[which], limits_m)
-        angles = self.numbers["angle_min"] + which * self.numbers["angle_increment"]
-        ways = np.column_stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))))
+        ways = self._ways(which)
         unreturned = ~_are_returns(self.ranges[which], limits_m)
         return Changes("", (ends_m[:, None] * ways)[:, None], too_close, unreturned)
+
+    def unchanged(self, output: "LaserSample") -> Rays:
+        """Return the beams that did not change, but those that said "too close"."""
+        is_same = self.ranges.view(np.uint32) == output.ranges.view(np.uint32)
+        which = _spread(np.flatnonzero(is_same & ~np.isneginf(self.ranges)))
+        unreturned = ~_are_returns(self.ranges[which], self._limits_m)
+        limits_m = np.where(unreturned, self._limits_m[1], self.ranges[which])
+        return Rays(self._ways(which), limits_m.astype(np.float64), unreturned)
+
+    def _ways(self, which: NDArray[np.int64]) -> NDArray[np.float64]:
+        angles = self.numbers["angle_min"] + which * self.numbers["angle_increment"]
+        return np.column_stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))))
 
     @property
     def _limits_m(self) -> tuple[float, float]:
@@ -185,6 +214,12 @@ def _differing_number(real: Mapping[str, float], output: Mapping[str, float]) ->
         if ours != theirs and not (np.isnan(ours) and np.isnan(theirs)):
             return f"has {name} {ours}, its input {theirs}"
     return ""
+
+
+def _spread(which: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return some of the indices, spread evenly."""
+    count = min(len(which), _MOST_RAYS)
+    return which[np.linspace(0, len(which) - 1, count).astype(np.int64)]
 
 
 def _differing(real: NDArray[np.float32], output: NDArray[np.float32]) -> NDArray[np.int64]:
@@ -289,6 +324,13 @@ class SensorCloud(Sample):
             return Changes(fault)
         ends_m = output.points_m[which][:, None]
         return Changes("", ends_m, np.zeros(len(which), np.bool_), ~had)
+
+    def unchanged(self, output: "SensorCloud") -> Rays:
+        """Return the rays of points that did not move; nothing tells where the others went."""
+        is_same = (output.rows[: len(self.rows)] == self.rows).all(axis=1)
+        points_m = self.points_m[_spread(np.flatnonzero(is_same & self.is_return))]
+        limits_m = np.linalg.norm(points_m, axis=1)
+        return Rays(points_m / limits_m[:, None], limits_m, np.zeros(len(limits_m), np.bool_))
 
     @property
     def is_return(self) -> NDArray[np.bool_]:

@@ -17,10 +17,12 @@ from are_ros.checks.sensors.depth_images import (
     name_parts,
     rays_of,
 )
-from are_ros.checks.sensors.samples import BEAMS, Changes, Sample
+from are_ros.checks.sensors.samples import BEAMS, Changes, Rays, Sample
 
 _MOST_WAITING: Final = 2000
 _MOST_IMAGES: Final = 40
+_MOST_READINGS: Final = 2000
+"""Of the readings, so many are looked at for what they do not show."""
 _MOST_LENSES: Final = 4
 _MOST_LARGE: Final = 100
 """Of inputs that wait for what was made of them: of beams, and of clouds and images."""
@@ -51,6 +53,13 @@ class ChangedScan(Released):
     """An augmented reading that differs from its input, or is at fault."""
 
     changes: Changes
+
+
+@dataclass(frozen=True, eq=False)
+class UnchangedRays(Released):
+    """Rays of an augmented reading that are those of its input."""
+
+    rays: Rays
 
 
 _Kind = TypeVar("_Kind")
@@ -123,6 +132,7 @@ class ScanPairs(Pairs):
         self.changed: list[ChangedScan] = []
         self.counts: Counter[type] = Counter()
         self.pixels = 0
+        self.kept_rays = Kept[UnchangedRays](_MOST_READINGS)
         self.kept_depths = Kept[DepthPair](_MOST_IMAGES)
         self.infos: dict[str, Any] = {}
         """The last CameraInfo by topic; those beside images belong to the ones that come after."""
@@ -145,12 +155,15 @@ class ScanPairs(Pairs):
         most = _MOST_WAITING if type(sample) in BEAMS.values() else _MOST_LARGE
         for source, real, name, output in self.matched(topic, sample, most):
             self.counts[type(real)] += 1
+            when = output.stamp_ns, output.at_ns, output.frame_id
             if isinstance(real, DepthFrame):
                 changes = self._depth_changes(source, real, name, output)
             else:
                 changes = real.changes(output)
+                rays = None if changes.fault else real.unchanged(output)
+                if rays is not None:
+                    self.kept_rays.add(UnchangedRays(name, *when, rays))
             if changes.fault or len(changes.points_m):
-                when = output.stamp_ns, output.at_ns, output.frame_id
                 self.changed.append(ChangedScan(name, *when, changes))
 
     def may_be_lost(self, output: str, stamp_ns: int) -> bool:
