@@ -181,6 +181,47 @@ def test_in_a_corridor_one_waits_for_who_comes() -> None:
     assert choose(table, coarse, *start_m, 0.0, 30, *crowd) in {Action.STAY, Action.WEST}
 
 
+def test_a_step_aside_is_not_undone_in_the_same_epoch() -> None:
+    """To the north, then on to the east; back to the south would be as cheap."""
+    coarse = open_floor()
+    table = table_of(coarse, (5.25, 2.25), TravelModel(reaches=(3,)))
+    points_m = way(table, coarse, 1.25, 3.25, 0, Action.NORTH)
+    assert points_m[:3, 1].tolist() == [points_m[0, 1]] * 3
+    assert (np.diff(points_m[:3, 0]) > 0.3).all()
+
+
+@settings(max_examples=40)
+@given(seed=st.integers(0, 10**6))
+def test_a_walker_neither_goes_back_for_others_nor_turns_into_them(seed: int) -> None:
+    """Moves that are not made have no value: back from the best one, and others that fail."""
+    random = np.random.default_rng(seed)
+    coarse = CoarseMap(terrain_of(random.random((40, 50)) < 0.003, resolution_m=0.1), 0.1)
+    reaches = (2, 4)
+    table = table_of(coarse, (2.55, 1.55), TravelModel(reaches=reaches, effort=(0.0, 0.05)))
+    crowd = random.random((3, 2)) * 4.0, random.random(3), random.random(3)
+    is_met, best_move = occupied(coarse, crowd), int(random.integers(0, 5))
+    steps = [(0, 1), (1, 0), (0, -1), (-1, 0)]
+    for row, col in np.argwhere(np.isfinite(table.costs))[::37].tolist():
+        brings = random.random((2, 5))
+        before = brings.copy()
+        others, state = packed(*crowd), (row, col, int(random.integers(0, 4)))
+        _route_kernels.leave_out(
+            table.value_arrays, coarse.anchors_m, others, state, best_move, brings
+        )
+        assert (brings[:, 0] == before[:, 0]).all()
+        for pace, direction in product(range(2), range(4)):
+            rows, cols = steps[direction]
+            length = min(reaches[pace], int(table.lengths[direction, row, col]))
+            fails = any(is_met[row + k * rows, col + k * cols] for k in range(1, length + 1))
+            move, back = direction + 1, (direction + 2) % 4 + 1
+            if fails and move == best_move:
+                assert brings[pace, move] == before[0, 0]
+            elif fails or best_move == back:
+                assert brings[pace, move] == -np.inf
+            else:
+                assert brings[pace, move] == before[pace, move]
+
+
 def frozen(coarse: CoarseMap, others: Others) -> npt.NDArray[np.float32]:
     """Return what others cost in each cell, one by one."""
     penalty = np.zeros(coarse.shape, np.float32)
