@@ -26,6 +26,7 @@ _BEYOND_M = (2.0, 1.2)
 _BLOCKED_S = 3.0
 _LONGEST_S = 12.0
 _OFF_PATH_M = 1.0
+_STANDS_MPS = 0.05
 _ROBOT_COMFORT_M = 0.2
 _APPROACH_NS = 5 * NS_PER_S
 _ASIDE_NS = 6 * NS_PER_S
@@ -69,7 +70,7 @@ class Crossing:
         if situation.now_ns < self._paused_until_ns:
             return stand("pausing", robot.point_m)
         path = robot.path
-        if self._goal_m is not None and self._is_over(path, situation):
+        if self._goal_m is not None and self._is_over(robot, situation):
             self._goal_m = None
         if self._goal_m is None and situation.now_ns >= self._aside_ns:
             self._choose_goal(path, robot, situation)
@@ -86,16 +87,20 @@ class Crossing:
             robot_comfort_m=_ROBOT_COMFORT_M,
         )
 
-    def _is_over(self, path: ExpectedPath, situation: Situation) -> bool:
-        """Return whether the crossing is over: the robot has passed or turned, or it is blocked."""
-        apart_m = path.distance_m(self._middle_m, _NEAR_M)
+    def _is_over(self, robot: RobotView, situation: Situation) -> bool:
+        """Return whether the crossing is over: the robot has passed or turned, or it is blocked.
+
+        Before a robot that stands it goes on: one that turned on the spot would be circled.
+        """
+        drives = robot.speed_mps > _STANDS_MPS
+        is_off = drives and robot.path.distance_m(self._middle_m, _NEAR_M) > _OFF_PATH_M
         under_way_s = (situation.now_ns - self._begun_ns) / NS_PER_S
         is_stuck = min(situation.blocked_s, under_way_s) > _BLOCKED_S
         is_stuck |= situation.no_way or under_way_s > _LONGEST_S
         if is_stuck:  # walk elsewhere for a while, or the same attempt would repeat
             self._aside_ns = situation.now_ns + _ASIDE_NS
             self._walk.change_destination()
-        return is_stuck or apart_m > _OFF_PATH_M
+        return is_stuck or is_off
 
     def _choose_goal(self, path: ExpectedPath, robot: RobotView, situation: Situation) -> None:
         """Set the goal to a visible point across the path, or to None."""

@@ -38,6 +38,7 @@ from are_ros.agents.local_planner.state import (
     BY_ARTEFACT,
     COS,
     NEVER,
+    NOBODY,
     SIN,
     YAW,
     AgentArrays,
@@ -130,6 +131,21 @@ def _find_standing(
             standing[count] = j
             count += 1
     return count
+
+
+@borrowing
+def boxed_in_by(agents: AgentArrays, i: int, now: int, pose: Floats, standing: Integers) -> int:
+    """Return the nearest row of those that leave vehicle i no manoeuvre, NOBODY if none do."""
+    nearest, least = NOBODY, np.inf
+    if agents.memory[i].is_boxed_in == 0:
+        return nearest
+    reach = _AMONG * TIGHTEST * agents.body[i].turn_radius
+    for n in range(_find_standing(agents, i, now, pose, reach, standing)):
+        place = agents.place[standing[n]]
+        dx, dy = place.x - pose[X], place.y - pose[Y]
+        if dx * dx + dy * dy < least:
+            nearest, least = standing[n], dx * dx + dy * dy
+    return nearest
 
 
 @borrowing

@@ -19,6 +19,7 @@ from are_ros.agents.local_planner.gaps import (
     separation,
     turns_among,
 )
+from are_ros.agents.local_planner.manoeuvres import boxed_in_by
 from are_ros.agents.local_planner.primitives import cheapest
 from are_ros.agents.local_planner.proposals import keep_to_way, propose
 from are_ros.agents.local_planner.robot import robot_cost
@@ -357,6 +358,8 @@ def plan(
         is_stuck and is_aside,
     )
     stays = chosen < 0 or workspace.options[chosen, 0] == BRAKE
+    is_alone = stays and culprit == NOBODY
+    culprit = boxed_in_by(agents, i, now, pose, workspace.standing) if is_alone else culprit
     if obstruction == BY_WALL and culprit != NOBODY and stays:
         obstruction = BY_ARTEFACT  # between the walls there is a way
     who = agents.place[culprit].id if culprit != NOBODY else NOBODY

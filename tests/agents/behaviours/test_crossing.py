@@ -1,6 +1,7 @@
 """Crossing: across the robot's path, in front of it, again and again."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -99,6 +100,18 @@ def test_a_crossing_is_aimed_anew_when_the_robot_turns_away() -> None:
     assert second.goal_m != first.goal_m
     assert second.goal_m is not None
     assert second.goal_m[0] < 0.0
+
+
+def test_before_a_robot_that_turns_on_the_spot_it_gets_across() -> None:
+    """It keeps its goal, and pauses there; it circled round the robot."""
+    actor = Actor(0, Crossing(), (4.0, 3.0))
+    stage = Stage([actor], lattice(), robot_at((0.0, 0.0), (0.0, 0.0)))
+    pauses = 0
+    for k in range(60):
+        stage.robot = replace(robot_at((0.0, 0.0), (0.0, 0.0)), yaw_rad=0.5 * k)
+        stage.step()
+        pauses += actor.last is not None and actor.last.activity == "pausing"
+    assert pauses > 10
 
 
 def test_without_a_robot_it_walks() -> None:

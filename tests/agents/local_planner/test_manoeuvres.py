@@ -13,6 +13,7 @@ from are_ros.agents.local_planner.state import NEVER
 from tests.agents.local_planner.own_planners import MODULE
 from tests.agents.local_planner.streets import (
     CAR,
+    PALLET,
     SCOOTER,
     STEP_S,
     Street,
@@ -184,6 +185,22 @@ def test_a_vehicle_that_is_boxed_in_waits_until_the_way_is_free() -> None:
     street.track.clear()
     street.run(10.0)
     assert street.pose(1)[0] > 12.0
+
+
+CITY_CAR = Body((1.775, 0.81), (0.0, 0.0), 1.48, 3.0, 1.5, 0.6, 4.6)
+
+
+def test_what_leaves_a_vehicle_no_manoeuvre_is_named_though_its_first_arcs_meet_walls() -> None:
+    """A car aslant in a bay of 6 x 8 m, with a pallet; it said that a wall is in its way."""
+    cells = room(20.0, 8.0)
+    wall(cells, (6.0, 20.0), (0.0, 2.5))
+    wall(cells, (6.0, 20.0), (5.5, 8.0))
+    street = Street(environment(cells))
+    street.add(1, 4.08, 5.84, 2.2, CITY_CAR)
+    street.add(2, 2.91, 4.84, 0.0, PALLET)
+    go_on(street, (18.0, 4.0))
+    street.run(20.0)
+    assert street.obstruction(1)[:2] == (Obstruction.ARTEFACT, 2)
 
 
 def test_a_planner_of_a_user_drives_no_manoeuvre() -> None:
