@@ -226,8 +226,8 @@ def leave_out(
 
     These are to go back from `best_move`, its best without them: it would turn on its heel, and
     again once they have passed. Neither are moves that fail because somebody will be there: they
-    would only make it turn. The best move is left then, and as good as to stay: the local planner
-    may find a way past.
+    would only make it turn. The best move is left then, and as good as to stay without resting: the
+    local planner may find a way past.
     """
     numbers = np.empty((4, values.paces.shape[0], 4))
     moves = Moves(numbers[0], numbers[1], numbers[2], numbers[3], np.empty(4))
@@ -239,7 +239,7 @@ def leave_out(
         for pace in range(brings.shape[0]):
             is_blocked = is_open and moves.lengths[pace, direction] == 0
             if is_blocked and move == best_move:
-                brings[pace, move] = brings[0, 0]
+                brings[pace, move] = brings[0, 0] - values.prices[2]
             elif is_back or is_blocked:
                 brings[pace, move] = -np.inf
 

@@ -197,7 +197,7 @@ def test_a_walker_neither_goes_back_for_others_nor_turns_into_them(seed: int) ->
     random = np.random.default_rng(seed)
     coarse = CoarseMap(terrain_of(random.random((40, 50)) < 0.003, resolution_m=0.1), 0.1)
     reaches = (2, 4)
-    table = table_of(coarse, (2.55, 1.55), TravelModel(reaches=reaches, effort=(0.0, 0.05)))
+    table = table_of(coarse, (2.55, 1.55), TravelModel(reaches=reaches, effort=(0.0, 0.05), rest=0.09))
     crowd = random.random((3, 2)) * 4.0, random.random(3), random.random(3)
     is_met, best_move = occupied(coarse, crowd), int(random.integers(0, 5))
     steps = [(0, 1), (1, 0), (0, -1), (-1, 0)]
@@ -215,7 +215,7 @@ def test_a_walker_neither_goes_back_for_others_nor_turns_into_them(seed: int) ->
             fails = any(is_met[row + k * rows, col + k * cols] for k in range(1, length + 1))
             move, back = direction + 1, (direction + 2) % 4 + 1
             if fails and move == best_move:
-                assert brings[pace, move] == before[0, 0]
+                assert brings[pace, move] == before[0, 0] - 0.09
             elif fails or best_move == back:
                 assert brings[pace, move] == -np.inf
             else:
