@@ -197,7 +197,8 @@ def test_a_walker_neither_goes_back_for_others_nor_turns_into_them(seed: int) ->
     random = np.random.default_rng(seed)
     coarse = CoarseMap(terrain_of(random.random((40, 50)) < 0.003, resolution_m=0.1), 0.1)
     reaches = (2, 4)
-    table = table_of(coarse, (2.55, 1.55), TravelModel(reaches=reaches, effort=(0.0, 0.05), rest=0.09))
+    model = TravelModel(reaches=reaches, effort=(0.0, 0.05), rest=0.09)
+    table = table_of(coarse, (2.55, 1.55), model)
     crowd = random.random((3, 2)) * 4.0, random.random(3), random.random(3)
     is_met, best_move = occupied(coarse, crowd), int(random.integers(0, 5))
     steps = [(0, 1), (1, 0), (0, -1), (-1, 0)]
