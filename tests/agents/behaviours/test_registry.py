@@ -74,7 +74,7 @@ class Choosy:
         ("no_such_module_of_mine:Class", "cannot be imported (ModuleNotFoundError"),
         ("broken_behaviours:Missing", "cannot be imported (AttributeError"),
         ("raising_behaviours:Class", "cannot be imported (ZeroDivisionError"),
-        (":Class", "cannot be imported (ValueError"),
+        (":Class", "needs the full name of a module"),
         ("broken_behaviours:function", "is no class"),
         ("broken_behaviours:Nameless", "has no class attribute name"),
         ("broken_behaviours:Undecided", "has no method decide"),
