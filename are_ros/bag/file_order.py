@@ -113,12 +113,12 @@ def _furthest(topic: str, times_ns: _Times, start_ns: int, stop_ns: int) -> Jump
 
 def _lone(all_times_ns: Iterable[_Times]) -> tuple[tuple[int, int], ...]:
     """Return the times, longer than a second, in which no topic has messages of two parts."""
-    parted = [(one, _parts(one)) for one in all_times_ns if _parts(one).any()]
-    times_ns, parts = (np.concatenate(columns) for columns in zip(*parted, strict=True))
+    parted = [(one, parts) for one in all_times_ns if (parts := _parts(one)).any()]
+    times_ns, numbers = (np.concatenate(columns) for columns in zip(*parted, strict=True))
     order = np.argsort(times_ns, kind="stable")
-    times_ns, parts = times_ns[order], parts[order]
-    begins = np.flatnonzero(np.diff(parts, prepend=-1))
-    firsts, lasts = times_ns[begins], times_ns[np.append(begins[1:], len(parts)) - 1]
+    times_ns, numbers = times_ns[order], numbers[order]
+    begins = np.flatnonzero(np.diff(numbers, prepend=-1))
+    firsts, lasts = times_ns[begins], times_ns[np.append(begins[1:], len(numbers)) - 1]
     spans = zip(firsts.tolist(), lasts.tolist(), strict=True)
     return tuple(span for span in spans if span[1] - span[0] > _LEAST_JUMP_NS)
 

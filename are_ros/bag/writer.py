@@ -222,21 +222,25 @@ class BagWriter:
         return self._schemas[type_name]
 
     def _hand_over(self) -> None:
-        """Have the batch written once the last one is, of which an error is raised here."""
-        if self._written is not None:
-            try:
-                self._written.result()
-            except OSError as cause:
-                raise self._unwritable(cause) from cause
+        """Have the batch written, once the last one is."""
+        self._join()
         self._written = self._thread.submit(self._write_all, self._batch)
         self._batch, self._batch_bytes = [], 0
 
     def _wait(self) -> None:
         """Wait until all messages are with the writer."""
-        if self._batch or self._written is not None:
+        if self._batch:
             self._hand_over()
-            self._hand_over()
-            self._written = None
+        self._join()
+
+    def _join(self) -> None:
+        """Wait for the batch that was handed over; BagError if it could not be written."""
+        written, self._written = self._written, None
+        if written is not None:
+            try:
+                written.result()
+            except OSError as cause:
+                raise self._unwritable(cause) from cause
 
     def _write_all(self, messages: Sequence[_Message]) -> None:
         for channel, log_time_ns, data, published_ns, count in messages:

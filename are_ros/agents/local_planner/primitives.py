@@ -248,7 +248,7 @@ def gain_of(aim: PlanningGoal, delta: float, cosine: float, speed: float) -> flo
         return speed / aim.speed * cosine
     aside = speed * np.sin(delta) * (1.0 if aim.aside > 0.0 else -1.0)
     ahead = 0.4 * cosine
-    if not np.isnan(aim.own):
+    if not np.isnan(aim.own):  # rather past the pushing one, on its own way
         ahead = 0.1 * cosine + 0.3 * np.cos(aim.heading + delta - aim.own)
     return float((1.5 * min(aside, abs(aim.aside)) + speed * ahead) / aim.speed)
 

@@ -265,9 +265,9 @@ class PlanningGoal(NamedTuple):
     """What an agent wants: a kind, a heading in the map [rad], a distance [m], a speed [m/s].
 
     `stop_cost` is the cost of standing; going straight costs 0. A pushed agent wants to get `aside`
-    of the heading by so much, to the left if positive, or else to move ahead of the pushing one;
-    `own` is the heading to its own sub-goal, nan without one, which it would rather not turn its
-    back on. `ends`: the way ends after the distance.
+    of the heading by so much, to the left if positive, or else to move ahead of the pushing one.
+    `own` is the heading of the sub-goal that it does not turn its back on, nan without one, and for
+    those that are not pushed. `ends`: the way ends after the distance.
     """
 
     kind: int
@@ -323,27 +323,26 @@ def aim_of(agents: AgentArrays, i: int, pose: Floats, now: int, second: int) -> 
     command, memory, body = agents.command[i], agents.memory[i], agents.body[i]
     speed = min(command.speed, body.speed)
     kind = kind_of(agents, i, pose, now, second)
-    heading = np.nan
-    if command.has_goal == 1:
-        heading = math.atan2(command.y - pose[Y], command.x - pose[X])
     if kind == PUSHED:
         line, aside = math.atan2(memory.push_sin, memory.push_cos), _missing_room(pose, memory)
-        speed = max(speed, 0.5 * body.speed)
-        own = heading if memory.blocked <= BACKS_OFF_AFTER else np.nan
+        own, speed = np.nan, max(speed, 0.5 * body.speed)
+        if command.has_goal == 1 and memory.blocked <= BACKS_OFF_AFTER:
+            own = math.atan2(command.y - pose[Y], command.x - pose[X])
         return PlanningGoal(PUSHED, line, np.inf, speed, 1.2, aside, False, own)
     if kind == STANDING:
-        return PlanningGoal(STANDING, np.nan, 0.0, 0.0, 0.0, 0.0, False, heading)
+        return PlanningGoal(STANDING, np.nan, 0.0, 0.0, 0.0, 0.0, False, np.nan)
     if kind == FACING:
-        return PlanningGoal(FACING, command.face, 0.0, 0.0, 0.0, 0.0, False, heading)
+        return PlanningGoal(FACING, command.face, 0.0, 0.0, 0.0, 0.0, False, np.nan)
     stop_cost = 1.0 + min(_IMPATIENCE * memory.blocked, _MOST_IMPATIENT)
     if kind == COASTING:
-        return PlanningGoal(COASTING, pose[YAW], np.inf, speed, stop_cost, 0.0, False, heading)
+        return PlanningGoal(COASTING, pose[YAW], np.inf, speed, stop_cost, 0.0, False, np.nan)
+    heading = math.atan2(command.y - pose[Y], command.x - pose[X])
     if kind == DETOURING:
-        aside = heading + memory.detour
-        return PlanningGoal(DETOURING, aside, np.inf, speed, stop_cost, 0.0, False, heading)
+        heading += memory.detour
+        return PlanningGoal(DETOURING, heading, np.inf, speed, stop_cost, 0.0, False, np.nan)
     ends = command.stops != 0 or memory.passed_at != NEVER
     way = distance(pose, command.x, command.y)
-    return PlanningGoal(GOING, heading, way, speed, stop_cost, 0.0, ends, heading)
+    return PlanningGoal(GOING, heading, way, speed, stop_cost, 0.0, ends, np.nan)
 
 
 @borrowing

@@ -106,9 +106,10 @@ class Prospect(NamedTuple):
     """What the actions of an agent are worth at a decision.
 
     `values` float64 (P, 5) are Q of each pace and move: stay, east, north, west, south of the grid,
-    among the others. An agent that stays on its way gives way and does not rest; with a rest,
-    staying is worth `rest` more. `value` is V of the state, `later` with an epoch less, both
-    without the others; `heading` is its heading, 0 east to 3 south. All are there if it `CHOOSES`.
+    among the others; -inf is a move that is not made. An agent that stays on its way gives way and
+    does not rest; with a rest, staying is worth `rest` more. `value` is V of the state, `later`
+    with an epoch less, both without the others; `heading` is its heading, 0 east to 3 south. All
+    are there if it `CHOOSES`.
     """
 
     kind: Prospects

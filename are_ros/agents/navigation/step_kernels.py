@@ -99,12 +99,12 @@ def prospect_of(
     """Fill in what the actions of an agent with a goal are worth, (P, 5): pace, move.
 
     What resting saves does not count for staying; -inf is a move that is not made (`leave_out`).
-    `ground`, `value_arrays` and `ends` are the
-    fields of `Ground`, `ValueArrays` and `GoalSpec`, `crowd` those of `neighbours.Cells` and the
-    rest of `Crowd`. `agent` is the index in the crowd, whether others cost it anything, and the
-    epochs left. A moving goal is approached straight from any distance. Returns what there is (no
-    way, straight to the goal, a choice, or that the planes of all epochs are needed), the heading,
-    and the values of the state now and with an epoch less, both without the others.
+    `ground`, `value_arrays` and `ends` are the fields of `Ground`, `ValueArrays` and `GoalSpec`,
+    `crowd` those of `neighbours.Cells` and the rest of `Crowd`. `agent` is the index in the crowd,
+    whether others cost it anything, and the epochs left. A moving goal is approached straight from
+    any distance. Returns what there is (no way, straight to the goal, a choice, or that the planes
+    of all epochs are needed), the heading, and the values of the state now and with an epoch less,
+    both without the others.
     """
     floor, values, going = Ground(*ground), ValueArrays(*value_arrays), GoalSpec(*ends)
     everybody = Crowd(crowd[:8], crowd[8], crowd[9], crowd[10])
@@ -126,8 +126,9 @@ def prospect_of(
         return UNKNOWN, 0, 0.0, 0.0
     nobody = others[:, :0].copy()
     later = action_values(values, epochs_left, floor.anchors_m, nobody, state, brings)
-    value, best = brings.max(), best_action(brings, state[2])
+    value = brings.max()
     if others.shape[1] > 0:
+        best = best_action(brings, state[2])
         action_values(values, epochs_left, floor.anchors_m, others, state, brings)
         if not going.drives:
             leave_out(values, floor.anchors_m, others[0], state, best[1], brings)
