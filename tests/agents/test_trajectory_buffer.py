@@ -130,10 +130,7 @@ def _velocity_on(result: NavigationResult, t_ns: int) -> tuple[float, float, flo
     return rates_between(result.start_ns, result.start, result.until_ns, result.end)
 
 
-# A seed does not shrink to anything simpler.
-@settings(max_examples=60, deadline=None, phases=[Phase.explicit, Phase.generate])
-@given(seed=st.integers(0, 10**6))
-def test_a_tape_gives_the_legs_that_each_was_given(seed: int) -> None:
+def each_has_its_legs(seed: int) -> None:
     """At the sub-steps, next to them and in between, as far back as is kept, and on to the next."""
     twins = Twins(seed)
     for _ in range(70):
@@ -144,6 +141,25 @@ def test_a_tape_gives_the_legs_that_each_was_given(seed: int) -> None:
         for t_ns in (*instants, int(now_ns - twins.random.integers(HISTORY_NS))):
             twins.check(t_ns)
     assert len(twins.buffer.times_ns) <= 2 + HISTORY_NS // STEP_NS
+
+
+# A seed does not shrink to anything simpler.
+PHASES = [Phase.explicit, Phase.generate]
+
+
+@settings(max_examples=12, deadline=None, phases=PHASES)
+@given(seed=st.integers(0, 10**6))
+def test_a_tape_gives_the_legs_that_each_was_given(seed: int) -> None:
+    """In a dozen lives of three and a half seconds."""
+    each_has_its_legs(seed)
+
+
+@pytest.mark.long
+@settings(max_examples=60, deadline=None, phases=PHASES)
+@given(seed=st.integers(0, 10**6))
+def test_a_tape_gives_the_legs_of_many(seed: int) -> None:
+    """In many more."""
+    each_has_its_legs(seed)
 
 
 def _march(buffer: TrajectoryBuffer, steps: int, ways_m: Mapping[int, float]) -> None:

@@ -99,6 +99,7 @@ def test_independent_lives_are_remembered_for_their_mean() -> None:
     assert BirthDeath(0.5, 3.0, 8.0, INDEPENDENT, 400).correlation_s == pytest.approx(8.0)
 
 
+@pytest.mark.long
 def test_lives_have_littles_mean() -> None:
     """Under either law the mean life is the mean number over the rate of admissions."""
     for chain in (

@@ -121,6 +121,7 @@ def test_the_same_seed_gives_the_same_soak() -> None:
     assert one.as_json() != other.as_json()
 
 
+@pytest.mark.long
 def test_a_population_on_open_ground_does_not_keep_to_the_grid() -> None:
     """Half an hour of lives on 40 x 40 m, turned: all angles alike would be 11 % along the axes.
 

@@ -515,7 +515,9 @@ class Driver:
         return self._began_s + TF_PERIOD_S * number
 
 
-@pytest.mark.parametrize("tf_wait_s", [0.05, SensorsParameters().tf_wait])
+@pytest.mark.parametrize(
+    "tf_wait_s", [pytest.param(0.05, marks=pytest.mark.long), SensorsParameters().tf_wait]
+)
 def test_after_a_stall_no_scan_is_bare_whose_transform_came(
     ros: RosWorld, start: Start, catalogue_file: Path, tf_wait_s: float
 ) -> None:

@@ -130,6 +130,7 @@ def test_one_seed_gives_the_same_bytes(sample_replay: Path, replay_sample: Repla
         assert (other / name).read_bytes() != (sample_replay / name).read_bytes(), name
 
 
+@pytest.mark.long
 def test_one_seed_gives_the_same_bytes_on_each_processor(sample_bag: Path, tmp_path: Path) -> None:
     """With another kind's products of matrices (OPENBLAS_CORETYPE), and on one core."""
     certainty = sample_bag.parents[1] / "config" / "presets" / "certainty_poor.yaml"

@@ -31,6 +31,7 @@ def fresh(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return make(tmp_path_factory.mktemp("bag") / "fresh.mcap")
 
 
+@pytest.mark.long
 def test_the_program_writes_the_same_bytes_each_time(tmp_path: Path) -> None:
     """Two short recordings, in different folders."""
     (tmp_path / "elsewhere").mkdir()

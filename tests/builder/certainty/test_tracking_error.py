@@ -109,6 +109,7 @@ def test_the_growth_of_a_second_does_not_depend_on_the_rate(rate_hz: int) -> Non
     np.testing.assert_allclose(covariance, whole, rtol=1e-12)
 
 
+@pytest.mark.long
 def test_errors_are_correlated_in_time() -> None:
     """As a tracker's: from one tick to the next they hardly change, over seconds they do."""
     many = [TrackingError(np.random.default_rng(k), FIRST, RATES) for k in range(2_000)]

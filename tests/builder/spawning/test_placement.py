@@ -77,7 +77,7 @@ def _same_law(first: Floats, second: Floats) -> float:
         row_of(1.7, 0.6),
         row_of(0.0, 0.0),
         row_of(1.4, 0.5, (0.4, -0.1)),
-        row_of(1.4, 0.5, (0.2, -0.1), DRIVES),
+        pytest.param(row_of(1.4, 0.5, (0.2, -0.1), DRIVES), marks=pytest.mark.long),
         row_of(1.9, 0.9, motion=DRIVES),
         row_of(1.2, 0.6, motion=TURNS),
         row_of(0.8, 0.5, (0.3, -0.1), TURNS),

@@ -229,13 +229,14 @@ def test_map_to_odom_of_the_sample(
     assert_near(pose, *map_from_odom(sample_bag, 3 * S))
 
 
-def test_the_sample_is_found_turned_and_shifted_at_random(sample_bag: Path) -> None:
-    """Twenty times another odom frame and another origin of the map: 5 cm, 1 degree, no doubt."""
+@pytest.mark.parametrize("times", [3, pytest.param(20, marks=pytest.mark.long)])
+def test_the_sample_is_found_turned_and_shifted_at_random(sample_bag: Path, times: int) -> None:
+    """Each time another odom frame and another origin of the map: 5 cm, 1 degree, no doubt."""
     given, grid = gathered(sample_bag)
     assert given.root == "map"
     cloud = given.cloud()
     dice = np.random.Generator(np.random.PCG64(11))
-    for _ in range(20):
+    for _ in range(times):
         moved = PlanarPose(*dice.uniform((-50.0, -50.0, -math.pi), (50.0, 50.0, math.pi)).tolist())
         origin = PlanarPose(*dice.uniform((-50.0, -50.0, -math.pi), (50.0, 50.0, math.pi)).tolist())
         ends, origins = moved.apply(cloud.endpoints_m), moved.apply(cloud.origins_m)
