@@ -77,20 +77,18 @@ def start(context: Any) -> list[Any]:
 
 
 def parameters(given: dict[str, str]) -> list[Any]:
-    """Return the files first and what was given as arguments after them, so that the latter wins.
+    """Return the file first and what was given as arguments after it, so that the latter wins.
 
-    The files are copies that hold in the node's namespace. A ParameterError ends the launch where
+    The file is a copy that holds in the node's namespace. A ParameterError ends the launch where
     params_file holds nothing for it.
     """
-    from are_ros.parameters.ros_yaml import parameter_files_for_ros
+    from are_ros.parameters.ros_yaml import parameter_file_for_ros
 
-    folder = Path(tempfile.mkdtemp(prefix="ar_builder_"))
-    files = []
-    for text in parameter_files_for_ros(Path(given["params_file"]), given["namespace"]):
-        files.append(folder / f"{len(files)}.yaml")
-        files[-1].write_text(text, encoding="utf-8")
+    copy = Path(tempfile.mkdtemp(prefix="ar_builder_"), "parameters.yaml")
+    text = parameter_file_for_ros([Path(given["params_file"])], given["namespace"])
+    copy.write_text(text, encoding="utf-8")
     flags = {name: is_true(given[name]) for name in FLAGS if given[name]}
-    return [*map(str, files), *([flags] if flags else [])]
+    return [str(copy), *([flags] if flags else [])]
 
 
 def is_true(text: str) -> bool:

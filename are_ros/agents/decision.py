@@ -141,6 +141,11 @@ class AgentState:
         elif self.waits and request.me.speed_mps > MOVING_MPS:
             self.waits = 0
 
+    def postpone(self, by_ns: int) -> None:
+        """Let a time pass in which the agent could not come nearer to its goal."""
+        self.spot_since_ns += by_ns
+        self.gained_ns += by_ns
+
     @property
     def behaviour(self) -> Behaviour:
         """The behaviour in force."""

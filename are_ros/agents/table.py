@@ -168,6 +168,19 @@ class AgentTable:
         since_ns: npt.NDArray[np.int64] = self._lives["leaving"][: len(self)]
         return since_ns
 
+    def postpone(self, by_ns: int) -> None:
+        """Let a time pass for nobody: tracks, leaving, and what decisions count from go on later.
+
+        The behaviours' own waiting times go on.
+        """
+        for _, track in self.tracks:
+            track.postpone(by_ns)
+        leaving_ns = self.leaving_ns
+        leaving_ns[leaving_ns != STAYS] += by_ns
+        for state in self.states:
+            if state is not None:
+                state.postpone(by_ns)
+
     @property
     def phases(self) -> npt.NDArray[np.int64]:
         """The sub-step of a decision period in which each agent decides, (N,); -1 for never."""

@@ -73,7 +73,7 @@ class ArBuilder(Simulation):
         self.sensors.prepare(environment)
         if self.demand.grids:
             self._grids.prepare(environment)
-        voxels = self._real_voxels()
+        voxels = _real_voxels(environment)
         if self.demand.octomap and voxels is not None:
             self._octomap.prepare(voxels)
         if self.demand.markers and self._surroundings is not None:
@@ -148,8 +148,7 @@ class ArBuilder(Simulation):
         self.sensors.reconfigure(parameters)
         self._grids.limit_rate(parameters.augmented_map.max_rate)
         self._octomap.limit_rate(parameters.augmented_map.max_rate)
-        if parameters.costmap != before.costmap:
-            self._gate = GateMemory(seconds_to_ns(parameters.costmap.memory))
+        self._gate.memory_ns = seconds_to_ns(parameters.costmap.memory)
         if parameters.markers != before.markers:
             self._use_display(parameters.markers)
 
@@ -241,9 +240,10 @@ class ArBuilder(Simulation):
     def _admit(self, now_ns: int, perception: Perception, scene: Scene) -> Collection[int]:
         """Gate: the ids of the artefacts that the maps show."""
         candidates = {*scene.ids.tolist(), *self._perceived_elsewhere(perception)}
-        if self.parameters.costmap.gate is CostmapGate.ALL:
-            return sorted(candidates)
-        return self._gate.admitted(now_ns, perception.seen_ns, candidates)
+        # What is seen while all are shown is remembered, too: the gate may change.
+        admitted = self._gate.admitted(now_ns, perception.seen_ns, candidates)
+        is_open = self.parameters.costmap.gate is CostmapGate.ALL
+        return sorted(candidates) if is_open else admitted
 
     def _augment(
         self,
@@ -266,7 +266,7 @@ class ArBuilder(Simulation):
         self, now_ns: int, perception: Perception, scene: Scene, admitted: Collection[int]
     ) -> PointCloud | None:
         """Augmentation of M3D with the same artefacts, in the shape that sensors meet."""
-        voxels = self._real_voxels()
+        voxels = _real_voxels(self.lives.environment)
         if not self.demand.octomap or voxels is None:
             self._octomap.forget()
             return None
@@ -282,18 +282,14 @@ class ArBuilder(Simulation):
         return self._octomap.update(now_ns, map_frame, voxels, solids, shapes.pool)
 
     def _bare_octomap(self, now_ns: int) -> PointCloud | None:
-        """Return M3D without artefacts, if there are some in what went out last."""
-        voxels = self._real_voxels()
-        if voxels is None or not self._octomap.is_shown:
+        """Return M3D without artefacts, if it is not what went out last, or is awaited."""
+        voxels, octomap = _real_voxels(self.world.environment), self._octomap
+        is_awaited = octomap.has_gone_out or self.demand.octomap
+        if voxels is None or octomap.is_bare(voxels) or not is_awaited:
             return None
         self._octomap.forget()
         map_frame = self.parameters.frames.map
         return self._octomap.update(now_ns, map_frame, voxels, (), MeshPool.of([]))
-
-    def _real_voxels(self) -> VoxelMap | None:
-        """Return M3D as it was received, None where there is only the map."""
-        voxels = self.lives.environment.voxels if self.lives.environment else None
-        return None if voxels is None or voxels.is_extruded else voxels
 
     def _perceived_elsewhere(self, perception: Perception) -> tuple[int, ...]:
         """Return the ids of `perception.boxes`, which are perceived elsewhere than they are.
@@ -350,3 +346,9 @@ class ArBuilder(Simulation):
         if self._surroundings is None or environment is None:
             return markers
         return self._surroundings.added_to(markers, environment.voxels)
+
+
+def _real_voxels(environment: Environment | None) -> VoxelMap | None:
+    """Return M3D as it was received, None where there is only the map."""
+    voxels = environment.voxels if environment else None
+    return None if voxels is None or voxels.is_extruded else voxels

@@ -35,7 +35,7 @@ from are_ros.population.arrivals import RandomSource
 from are_ros.population.artefact import Artefact, GroundPose, Origin, boxes_of, on_ground
 from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.population.departures import Cause, departure_law
-from are_ros.population.mixture import mixture_of
+from are_ros.population.mixture import TruncatedPoissonMixture, mixture_of
 from are_ros.population.population import EventKind as PopulationEventKind
 from are_ros.population.population import Population, PopulationEvent
 from are_ros.population.scenario import Scenario, ScriptedOffer, ScriptedSource
@@ -250,8 +250,7 @@ class PopulationManager:
         else:
             by_ns = max(0, now_ns - self._paused_ns)
             self.population.postpone(by_ns)
-            for _, track in self.crowd.table.tracks:
-                track.postpone(by_ns)
+            self.crowd.table.postpone(by_ns)
         self._set_rates(now_ns)
 
     def stand_still(self, from_ns: int, until_ns: int) -> None:
@@ -265,16 +264,23 @@ class PopulationManager:
     def reconfigure(self, parameters: Parameters, resolver: CollisionResolver, now_ns: int) -> None:
         """Use other values of the live parameters from `now_ns` on.
 
-        Raises ParameterError, and changes nothing, where the mixture is bad.
+        Raises ParameterError as `check`, and changes nothing then.
         """
-        settings = parameters.population
-        law = mixture_of(parameters, self._catalogue)
+        settings, law = parameters.population, self.check(parameters)
         self._spawning.reconfigure(parameters)
         self._parameters, self.crowd.resolver = parameters, resolver
         self.crowd.decisions.by_exit = settings.leave is Leave.BY_EXIT
         self.population.max_alive = settings.max_alive
         self.population.set_marks(self._catalogue.rows, law, settings.group_size)
         self._set_rates(now_ns)
+
+    def check(self, parameters: Parameters) -> TruncatedPoissonMixture:
+        """Return the mixture of parameters that can be used now.
+
+        Raises ParameterError where the mixture is bad, or the zones are lacking.
+        """
+        self._spawning.check(parameters)
+        return mixture_of(parameters, self._catalogue)
 
     def place(
         self,

@@ -1,7 +1,6 @@
 """The commands of `are` that need ROS 2: node, guard, play, record and demo."""
 
 import sys
-from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -50,23 +49,31 @@ def node(
     """
     require_ros()
     from are_ros.node.startup import main as run_node
-    from are_ros.parameters.ros_yaml import assignment_for_ros, parameter_files_for_ros
+    from are_ros.parameters.ros_yaml import assignments_for_ros, parameter_file_for_ros
 
     _check_ros_args(ros_args)
-    values = tuple(map(assignment_for_ros, assignments))
     remapped = [word.partition("__ns:=")[2] for word in ros_args if word.startswith("__ns:=")]
     if namespace and remapped:
         raise click.UsageError("--namespace and __ns:= are both given: one of them is enough")
     home = namespace or (remapped[0] if remapped else "")
-    texts = [text for path in parameter_files for text in parameter_files_for_ros(path, home)]
+    last = assignments_for_ros(assignments) if assignments else ""
+    first = parameter_file_for_ros(parameter_files, home) if parameter_files else ""
     with TemporaryDirectory(prefix="ar_builder_") as folder:
-        copies = [Path(folder, f"{number}.yaml") for number in range(len(texts))]
-        for text, copy in zip(texts, copies, strict=True):
-            copy.write_text(text, encoding="utf-8")
-        files = [word for path in copies for word in ("--params-file", str(path))]
         # The last one counts: a single value goes before all files, those of ROS's own, too.
-        given = _ros_words(values, namespace, use_sim_time=use_sim_time)
-        sys.exit(run_node(["--ros-args", *files, "--", *ros_args, "--ros-args", *given]))
+        before, after = (
+            _params_file(Path(folder, f"{name}.yaml"), text)
+            for name, text in (("files", first), ("values", last))
+        )
+        given = _ros_words(namespace, use_sim_time=use_sim_time)
+        sys.exit(run_node(["--ros-args", *before, "--", *ros_args, "--ros-args", *after, *given]))
+
+
+def _params_file(path: Path, text: str) -> list[str]:
+    """Write a parameter file, and return the words that name it to ROS; none for no text."""
+    if not text:
+        return []
+    path.write_text(text, encoding="utf-8")
+    return ["--params-file", str(path)]
 
 
 def _check_ros_args(ros_args: tuple[str, ...]) -> None:
@@ -75,10 +82,9 @@ def _check_ros_args(ros_args: tuple[str, ...]) -> None:
         raise click.UsageError(message)
 
 
-def _ros_words(values: Sequence[str], namespace: str | None, *, use_sim_time: bool) -> list[str]:
+def _ros_words(namespace: str | None, *, use_sim_time: bool) -> list[str]:
     """Return the options as ROS takes them, behind --ros-args."""
-    given = [word for value in values for word in ("-p", value)]
-    given += ["-r", f"__ns:=/{namespace.strip('/')}"] if namespace else []
+    given = ["-r", f"__ns:=/{namespace.strip('/')}"] if namespace else []
     given += ["-p", "use_sim_time:=true"] if use_sim_time else []
     return given
 
@@ -102,7 +108,7 @@ def guard(namespace: str | None, ros_args: tuple[str, ...]) -> None:
     from are_ros.node.guard import main as run_guard
 
     _check_ros_args(ros_args)
-    given = _ros_words((), namespace, use_sim_time=False)
+    given = _ros_words(namespace, use_sim_time=False)
     sys.exit(run_guard(["--ros-args", *given, "--", *ros_args]))
 
 

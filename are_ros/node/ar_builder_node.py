@@ -336,9 +336,11 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         return "artefacts live on"
 
     def _check(self, candidate: Parameters) -> None:
-        """Refuse parameters that the catalogue in use cannot take."""
+        """Refuse parameters that the catalogue or the zones in use cannot take."""
         if self._catalogue is not None:
             _check_for(self._catalogue, candidate)
+        if self.live is not None:
+            self.live.builder.lives.check(candidate)
 
     def _reconfigure(self, values: Parameters) -> None:
         if self.live is not None:

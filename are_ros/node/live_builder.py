@@ -264,13 +264,14 @@ class LiveBuilder:
         self._send_readings()
 
     def _took_map(self, now_ns: int) -> None:
-        """Prepare for a new environment; the latched costmap is replaced at once."""
+        """Prepare for a new environment; what is latched of the last one is replaced at once."""
         self._has_prepared = True
         self.builder.prepare()
         environment = self.builder.world.environment
         if not self.is_running and environment is not self._shown:
             self._shown = environment
-            self._send_tick(self.builder.farewell(now_ns), ("augmented_costmap",))
+            latched = ("augmented_costmap", "augmented_octomap")
+            self._send_tick(self.builder.farewell(now_ns), latched)
 
     def _prepare_camera(self) -> None:
         """Prepare a new camera, after the population has begun: it would be delayed otherwise.

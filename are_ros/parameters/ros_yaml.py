@@ -1,7 +1,6 @@
 """The `ros__parameters` file of node and replay, and `name:=value` of a command line."""
 
 import difflib
-import json
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -62,25 +61,50 @@ def with_file(parameters: Parameters, path: Path) -> Parameters:
         raise ParameterError(f"{path}: {cause}") from cause
 
 
-def parameter_files_for_ros(path: Path, namespace: str = "") -> list[str]:
-    """Return the texts of the parameter files that ROS is to read, in order, in place of one.
+def parameter_file_for_ros(paths: Sequence[Path], namespace: str = "") -> str:
+    """Return the text of the parameter file that ROS is to read, in place of several.
 
-    The first is the file itself, but `ar_builder:` holds in every namespace: ROS applies that line
-    to /ar_builder only, and a node in a namespace would keep its defaults without a warning. The
-    second, where it names files, names those beside it by their path, section by section.
-    ParameterError if the file cannot be read, or holds nothing for the node in the namespace.
+    It holds what they give to the node in the namespace, later values winning, with the paths of
+    files that lie beside them. ROS itself applies `ar_builder:` to /ar_builder only, and of two
+    values of one name under one section it keeps the first where they are of different types, as
+    30 and 12.5 are. ParameterError if a file cannot be read, or holds nothing for the node.
     """
-    sections = _our_sections(path)
     node = _full_name(f"{namespace}/{_NODE}")
-    if not any(_addresses(section, node) for section, _ in sections):
-        others = listed(sorted({_full_name(section) for section, _ in sections}))
-        raise ParameterError(f"parameter file {path} holds nothing for {node}: it is for {others}")
-    text = path.read_text(encoding="utf-8")
-    ours = rf"^([\"']?)/?{_NODE}\1:"
-    texts = [re.sub(ours, f"/**/{_NODE}:", text, flags=re.MULTILINE)]
-    beside = ((section, _files_beside(path, own)) for section, own in sections)
-    found = {_in_any_namespace(section): {_SECTION: files} for section, files in beside if files}
-    return [*texts, yaml.safe_dump(found, sort_keys=False)] if found else texts
+    values: dict[str, Any] = {}
+    for path in paths:
+        sections = _our_sections(path)
+        ours = [own for section, own in sections if _addresses(section, node)]
+        if not ours:
+            others = listed(sorted({_full_name(section) for section, _ in sections}))
+            message = f"parameter file {path} holds nothing for {node}: it is for {others}"
+            raise ParameterError(message)
+        for own in ours:
+            if empty := [name for name, value in own.items() if value is None]:
+                raise ParameterError(f"parameter file {path}: '{empty[0]}' has no value")
+            values |= {**own, **_files_beside(path, own)}
+    return _section_for_ros("/**/*", values)
+
+
+def assignments_for_ros(texts: Sequence[str]) -> str:
+    """Return the text of a parameter file with `name:=value`, one or more, for ROS to read last.
+
+    Raises ParameterError as `parse_assignment`.
+    """
+    return _section_for_ros("/**/**", dict(map(parse_assignment, texts)))
+
+
+def _section_for_ros(section: str, values: Mapping[str, Any]) -> str:
+    """Return a parameter file for any node; no other writes the name of the section so."""
+    return yaml.dump({section: {_SECTION: {**values}}}, Dumper=_Dumper, sort_keys=False)
+
+
+class _Dumper(yaml.SafeDumper):
+    """Puts quotes round each text, whatever ROS would take it for."""
+
+
+_Dumper.add_representer(
+    str, lambda dumper, text: dumper.represent_scalar("tag:yaml.org,2002:str", text, style='"')
+)
 
 
 def _our_sections(path: Path) -> list[tuple[str, dict[str, Any]]]:
@@ -145,16 +169,6 @@ def parse_assignment(text: str) -> tuple[str, Any]:
     read = parse_yaml(value, f"parameter '{name}': {value!r}", ParameterError)
     is_text = any(i.path == name and isinstance(i.default, str) for i in describe(Parameters()))
     return name, value.strip() if is_text and isinstance(read, list) else read
-
-
-def assignment_for_ros(text: str) -> str:
-    """Return `name:=value` as rcl takes it: a text that looks like a list is quoted.
-
-    Raises ParameterError as `parse_assignment`.
-    """
-    name, value = parse_assignment(text)
-    is_like_a_list = isinstance(value, str) and value.startswith("[")
-    return f"{name}:={json.dumps(value)}" if is_like_a_list else text
 
 
 def write_ros_parameters(parameters: Parameters) -> str:

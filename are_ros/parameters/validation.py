@@ -1,7 +1,7 @@
 """Checks of parameters against each other."""
 
 import math
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Final
 
 from are_ros.errors import ParameterError
@@ -14,6 +14,7 @@ from are_ros.parameters.model import (
     OcclusionParameters,
     Parameters,
     PopulationParameters,
+    SensorsParameters,
     WorldParameters,
 )
 from are_ros.wording import counted
@@ -34,6 +35,7 @@ def validated(parameters: Parameters) -> Parameters:
     _check_zones(parameters.population)
     _check_target(parameters.occlusion)
     _check_prediction(parameters.certainty)
+    _check_topics(parameters.sensors)
     return replace(
         parameters,
         frames=_checked_frames(parameters.frames),
@@ -116,6 +118,13 @@ def _check_target(occlusion: OcclusionParameters) -> None:
             "parameter 'occlusion.target': mesh asks for occlusion.shape: mesh, and that is box"
         )
         raise ParameterError(message)
+
+
+def _check_topics(sensors: SensorsParameters) -> None:
+    for name, topics in asdict(sensors).items():
+        if isinstance(topics, tuple) and "" in topics:
+            message = f"parameter 'sensors.{name}': {list(topics)} has an empty topic"
+            raise ParameterError(f"{message}; none at all is an empty list, []")
 
 
 def _checked_frames(frames: FramesParameters) -> FramesParameters:

@@ -14,6 +14,7 @@ from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.builder.markers import MarkerAction
 from are_ros.builder.tick import Demand, Tick
 from are_ros.errors import FrameError, InputError, ParameterError
+from are_ros.parameters.declaration import with_values
 from are_ros.world.cameras import Camera, PinholeView
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -386,6 +387,44 @@ def remembered(make_scene: Make, life_s: float, max_rate_hz: float) -> Scene:
     tick = scene.tick(0.2)
     assert (seen(tick), tick.grids.artefact_map) == ([], None)
     return scene
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [[{"costmap.memory": 8.0}], [{"costmap.gate": "all"}, {"costmap.gate": "perceived"}]],
+)
+def test_what_is_remembered_outlasts_a_change_of_the_gate(
+    make_scene: Make, changes: list[dict[str, Any]]
+) -> None:
+    """A memory that grows, or all artefacts shown for a while, takes nothing off the maps."""
+    scene = remembered(make_scene, 1000.0, 100.0)
+    for k, change in enumerate(changes):
+        t_s = 0.3 + 0.1 * k
+        scene.robot(t_s - 0.05, 1.0, 2.0, yaw=np.pi)
+        values = with_values(scene.builder.parameters, change)
+        scene.builder.reconfigure(values, scene.ns(t_s - 0.02))
+        assert scene.tick(t_s).grids.artefact_map is None, "no cell changes"
+    memory_s = scene.builder.parameters.costmap.memory
+    cells = []
+    for t_s in (0.1 + memory_s, 0.2 + memory_s):
+        scene.robot(t_s - 0.05, 1.0, 2.0, yaw=np.pi)
+        cells.append(scene.tick(t_s).grids.artefact_map)
+    assert cells[0] is None
+    assert cells[1] is not None
+    assert not cells[1].cells.any()
+
+
+def test_what_is_seen_while_all_are_shown_is_remembered_later(make_scene: Make) -> None:
+    """When only the perceived are shown again."""
+    scene = make_scene({"costmap.memory": 5.0, "costmap.gate": "all"})
+    scene.map(0.0)
+    scene.robot(0.0, 1.0, 2.0)
+    scene.place(0, (2.5, 2.0), 0.0)
+    assert added_cells(scene.tick(0.1), scene) == 16
+    scene.robot(0.15, 1.0, 2.0, yaw=np.pi)
+    values = with_values(scene.builder.parameters, {"costmap.gate": "perceived"})
+    scene.builder.reconfigure(values, scene.ns(0.16))
+    assert scene.tick(0.4).grids.artefact_map is None
 
 
 def test_a_remembered_artefact_that_moved_is_where_it_is(make_scene: Make) -> None:

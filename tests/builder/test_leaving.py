@@ -122,6 +122,24 @@ def test_leaving_can_be_switched_while_it_runs() -> None:
     assert [e.artefact_id for e in record.events if e.kind is EventKind.DEPARTED] == [first]
 
 
+def test_a_pause_takes_nothing_from_the_patience() -> None:
+    """Who has walked for a second when time stands still has its other nine afterwards."""
+    town = Town.of(WALK_OUT | {"population.exit_patience": 10.0}, OPEN_HALL)
+    walker = town.place(WALKER, 1.5, 4.0, life_s=0.5)
+    town.run(0.0, 1.5)
+    assert town.one(walker).is_leaving
+    (state,) = town.lives.crowd.table.states
+    assert state is not None
+    gained_ns = state.gained_ns
+    town.lives.pause(town.ns(1.5), is_paused=True)
+    town.builder.advance(town.ns(61.5))
+    town.lives.pause(town.ns(61.5), is_paused=False)
+    assert state.gained_ns - gained_ns == town.ns(60.0) - town.ns(0.0), "nor is it stuck"
+    record = town.run(61.5, 62.5)
+    assert [e for e in record.events if e.kind is EventKind.DEPARTED] == []
+    assert math.dist(record.way_of(walker)[-1, 1:3], (1.5, 4.0)) > 1.0
+
+
 def planned(values: dict[str, Any], grid: OccupancyGrid) -> dict[int, tuple[int, int, int | None]]:
     """Return arrival, row and end of life of all random ones of ten seconds, as drawn."""
     quick = {"population.arrival_rate": 0.02, "population.mean_life": 3.0, "seed": 5}

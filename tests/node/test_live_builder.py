@@ -421,6 +421,21 @@ def test_the_octomap_goes_out_while_somebody_listens(rig: Rig) -> None:
     rig.live.pause(ns(10.35))
     (bare,) = rig.outlet.take(OCTOMAP)
     assert bytes(bare.data) == wall.tobytes()
+    new = np.concatenate((wall, wall + np.float32(0.1)))
+    rig.store("octomap_point_cloud_centers", make_cloud(FACTORY, "map", ns(10.4), new), 10.4)
+    rig.work(10.45)
+    (bare,) = rig.outlet.take(OCTOMAP)
+    assert bare.width == len(new)
+
+
+def test_an_octomap_for_nobody_is_not_sent_in_a_pause(rig: Rig) -> None:
+    """Who comes later gets it when the artefacts live on."""
+    wall = np.array([(3.55, y, 0.55) for y in np.arange(10) * 0.1 + 0.05], np.float32)
+    rig.outlet.names = set()
+    rig.live.pause(ns(10.05))
+    rig.store("octomap_point_cloud_centers", make_cloud(FACTORY, "map", ns(10.1), wall), 10.1)
+    rig.work(10.2)
+    assert rig.outlet.take(OCTOMAP) == []
 
 
 # ------------------------------------------------------------------------------------- scans

@@ -108,7 +108,7 @@ def test_a_topic_that_cannot_be_fails_at_configure(
     (said,) = bench.warnings()
     assert said.startswith(sentence)
     bench.until(lambda: bench.user.count_subscribers("/scan") == 0)
-    assert bench.set(sensors__ranges=[""]) == ""
+    assert bench.set(sensors__ranges=["sonar"]) == ""
     assert bench.change_state("configure")
     bench.until(lambda: bench.user.count_subscribers("/scan") == 1)
 

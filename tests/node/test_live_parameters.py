@@ -1,6 +1,7 @@
 """Parameters of the running node, over its services: what acts at once, and what is refused."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -71,6 +72,21 @@ def test_the_gate_of_the_grids_acts_at_once(bench: Bench) -> None:
         step(bench, (bench.node.now_ns() + 2 * 10**8) / 1e9)
         counts.append([grid[-1].data.tolist().count(100) - 4 * 39 for grid in (maps, costmaps)])
     assert counts == [[0, 0], [25, 25], [0, 0]]
+
+
+def test_zones_that_are_lacking_are_refused(make_bench: MakeBench, tmp_path: Path) -> None:
+    """A file of exits alone has nowhere to appear; the node says so, and goes on."""
+    zones = tmp_path / "zones.yaml"
+    zones.write_text("exits: [{polygon: [[1, 1], [2, 1], [2, 2]]}]", encoding="utf-8")
+    bench = make_bench({"population.zones": str(zones)}, "configure", "activate")
+    bench.clock(1000.0)
+    bench.send("map", room())
+    refused = bench.set(population__appear="zones")
+    assert refused.startswith("population.appear is zones, but population.zones names no file that")
+    lists = bench.listen("artefacts")
+    assert bench.set(population__appear="out_of_view") == ""
+    step(bench, 1000.5)
+    assert lists[-1].artefacts == []
 
 
 def test_the_surface_of_the_environment_comes_with_the_markers_by_choice(bench: Bench) -> None:

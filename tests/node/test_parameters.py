@@ -26,6 +26,7 @@ from are_ros.parameters.declaration import (
     value_at,
 )
 from are_ros.parameters.model import Parameters
+from are_ros.parameters.ros_yaml import assignments_for_ros, parameter_file_for_ros
 
 ITEMS = describe(Parameters())
 Bridged = Callable[..., "Bench"]
@@ -199,6 +200,24 @@ def test_the_command_line_goes_before_the_file(bridged: Bridged, tmp_path: Path)
     arguments = [*params_file(tmp_path, "    seed: 1\n    robot.radius: 1\n"), "-p", "seed:=7"]
     values = bridged(arguments=arguments).bridge.values
     assert (values.seed, values.robot.radius) == (7, 1.0)
+
+
+def test_of_values_of_several_types_the_last_one_counts(bridged: Bridged, tmp_path: Path) -> None:
+    """Of files and single values, as `are node` gives them: rcl itself would keep the first."""
+    (first, second), text = (tmp_path / "a.yaml", tmp_path / "b.yaml"), "{{ros__parameters: {}}}"
+    values = "{population: {mean_life: 30}, robot.radius: 1, camera.other_rates: [1], seed: 3}"
+    first.write_text(f"/**: {text.format(values)}", encoding="utf-8")
+    second.write_text(f"/**: {text.format('{robot: {radius: 0.5}}')}", encoding="utf-8")
+    files = ["--params-file", str(tmp_path / "files.yaml")]
+    (tmp_path / "files.yaml").write_text(parameter_file_for_ros([first, second]), encoding="utf-8")
+    last = ["--params-file", str(tmp_path / "last.yaml")]
+    given = assignments_for_ros(["population.mean_life:=12.5", "camera.other_rates:=[0.5]"])
+    (tmp_path / "last.yaml").write_text(given, encoding="utf-8")
+    found = bridged(arguments=[*files, "-p", "seed:=4", *last]).bridge.values
+    assert (found.population.mean_life, found.robot.radius) == (12.5, 0.5)
+    assert (found.camera.other_rates, found.seed) == ((0.5,), 4)
+    found = bridged(arguments=[*files, "-p", "population.mean_life:=12.5"]).bridge.values
+    assert found.population.mean_life == 12.5
 
 
 WRONG = [

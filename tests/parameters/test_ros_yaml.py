@@ -12,8 +12,8 @@ from are_ros.errors import ParameterError
 from are_ros.parameters.declaration import Description, describe, flatten, with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import (
-    assignment_for_ros,
-    parameter_files_for_ros,
+    assignments_for_ros,
+    parameter_file_for_ros,
     parse_assignment,
     read_ros_parameters,
     with_file,
@@ -26,6 +26,14 @@ def read(tmp_path: Path, text: str) -> dict[str, Any]:
     path = tmp_path / "some.yaml"
     path.write_text(text, encoding="utf-8")
     return read_ros_parameters(path)
+
+
+def given_to_ros(path: Path, namespace: str = "") -> dict[str, Any]:
+    """Return what the file that ROS is to read gives to any node."""
+    content = yaml.safe_load(parameter_file_for_ros([path], namespace))
+    assert content.keys() == {"/**/*"}
+    values: dict[str, Any] = content["/**/*"]["ros__parameters"]
+    return values
 
 
 def test_nested_and_dotted_names_are_the_same(tmp_path: Path) -> None:
@@ -107,9 +115,7 @@ def test_files_are_looked_for_beside_the_parameter_file(tmp_path: Path) -> None:
     )
     mine = str(tmp_path / "mine.yaml")
     beside = {"catalogue": mine, "population.zones": "other.yaml", "population.scenario": mine}
-    whole, second = parameter_files_for_ros(path)
-    assert whole == "/**/" + path.read_text(encoding="utf-8")
-    assert yaml.safe_load(second) == {"/**/ar_builder": {"ros__parameters": beside}}
+    assert given_to_ros(path) == beside
     parameters = with_file(Parameters(), path)
     assert parameters.catalogue == str(tmp_path / "mine.yaml")
     assert parameters.population.zones == "other.yaml"
@@ -184,15 +190,17 @@ def test_assignments(text: str, expected: tuple[str, Any]) -> None:
     assert parse_assignment(text) == expected
 
 
-def test_an_assignment_for_ros_has_its_quotes() -> None:
-    """Rcl refuses a list of lists: a footprint is a text for it, however it was given."""
-    expected = 'robot.footprint:="[[0, 1], [2, 3], [4, 0]]"'
+def test_texts_for_ros_have_quotes() -> None:
+    """Rcl refuses a list of lists, and takes 1e-3 for a number: a footprint is a text for it."""
     for text in ("[[0, 1], [2, 3], [4, 0]]", "'[[0, 1], [2, 3], [4, 0]]'"):
-        assert assignment_for_ros(f"robot.footprint:={text}") == expected
-    for text in ("sensors.scans:=[a, b]", "seed:=4", "catalogue:=", "frames.map:=world"):
-        assert assignment_for_ros(text) == text
+        given = assignments_for_ros([f"robot.footprint:={text}", "frames.map:='1e-3'"])
+        assert '"robot.footprint": "[[0, 1], [2, 3], [4, 0]]"' in given
+        assert '"frames.map": "1e-3"' in given
+    several = assignments_for_ros(["sensors.scans:=[a, b]", "seed:=4", "catalogue:=", "seed:=5"])
+    values = yaml.safe_load(several)["/**/**"]["ros__parameters"]
+    assert values == {"sensors.scans": ["a", "b"], "seed": 5, "catalogue": ""}
     with pytest.raises(ParameterError):
-        assignment_for_ros("seed")
+        assignments_for_ros(["seed"])
 
 
 @pytest.mark.parametrize("text", ["seed=4", "seed", ":=4", "seed:=[1"])
@@ -231,17 +239,18 @@ def test_what_is_written_is_read_back(
 
 
 def test_a_file_for_one_node_holds_in_every_namespace(tmp_path: Path) -> None:
-    """What ROS would take for /ar_builder alone; other lines stay as they are."""
+    """What ROS would take for /ar_builder alone."""
     path = tmp_path / "my.yaml"
     path.write_text("# mine\nar_builder:\n  ros__parameters:\n    seed: 3\n", encoding="utf-8")
-    (text,) = parameter_files_for_ros(path, "robot")
-    assert text == "# mine\n/**/ar_builder:\n  ros__parameters:\n    seed: 3\n"
-    path.write_text(text, encoding="utf-8")
+    assert given_to_ros(path, "robot") == {"seed": 3}
     assert read_ros_parameters(path) == {"seed": 3}
     path.write_text('"ar_builder":\n  ros__parameters: {seed: 3}\n', encoding="utf-8")
-    assert parameter_files_for_ros(path) == ["/**/ar_builder:\n  ros__parameters: {seed: 3}\n"]
+    assert given_to_ros(path) == {"seed": 3}
     with pytest.raises(ParameterError, match=r"none\.yaml"):
-        parameter_files_for_ros(tmp_path / "none.yaml")
+        parameter_file_for_ros([tmp_path / "none.yaml"])
+    path.write_text("ar_builder: {ros__parameters: {seed: 1, catalogue: ~}}", encoding="utf-8")
+    with pytest.raises(ParameterError, match="'catalogue' has no value"):
+        parameter_file_for_ros([path])
 
 
 TWO_ROBOTS = """
@@ -257,14 +266,10 @@ def test_files_of_two_robots_stay_apart(tmp_path: Path) -> None:
     path.write_text(TWO_ROBOTS, encoding="utf-8")
     for name in ("mine.yaml", "yours.yaml"):
         (tmp_path / name).touch()
-    text, second = parameter_files_for_ros(path, "/robot1")
-    assert text == TWO_ROBOTS
-    files = {node: own["ros__parameters"] for node, own in yaml.safe_load(second).items()}
-    assert files == {
-        "/**": {"population.zones": str(tmp_path / "mine.yaml")},
-        "/robot1/ar_builder": {"catalogue": str(tmp_path / "mine.yaml")},
-        "robot2/ar_builder": {"catalogue": str(tmp_path / "yours.yaml"), "population.zones": ""},
-    }
+    mine, yours = str(tmp_path / "mine.yaml"), str(tmp_path / "yours.yaml")
+    first = {"seed": 1, "population.zones": mine, "catalogue": mine}
+    assert given_to_ros(path, "/robot1") == first
+    assert given_to_ros(path, "robot2") == {"seed": 1, "population.zones": "", "catalogue": yours}
     with pytest.raises(ParameterError) as caught:
         read_ros_parameters(path)
     several = "is for several nodes, /robot1/ar_builder and /robot2/ar_builder: give a file for one"
@@ -291,7 +296,7 @@ def test_a_section_is_for_the_nodes_that_ros_has_it_for(
     path.write_text(f"{section}: {{ros__parameters: {{seed: 1}}}}", encoding="utf-8")
     for namespace in ("", "a", "a/b"):
         if namespace in namespaces:
-            assert parameter_files_for_ros(path, namespace)
+            assert given_to_ros(path, namespace) == {"seed": 1}
             continue
         with pytest.raises(ParameterError, match="holds nothing for /"):
-            parameter_files_for_ros(path, namespace)
+            parameter_file_for_ros([path], namespace)

@@ -97,3 +97,11 @@ def test_further_cameras_are_distinct_and_have_rates(values: dict[str, Any], rea
         validated(with_values(Parameters(), values))
     several = {"camera.others": ["a", "b", "c"], "camera.other_rates": [4.0, 2.0]}
     assert validated(with_values(Parameters(), several)).camera.rates == (10.0, 4.0, 2.0, 2.0)
+
+
+@pytest.mark.parametrize("name", ["scans", "ranges", "clouds", "depths", "images"])
+def test_topics_have_names(name: str) -> None:
+    """None at all is an empty list."""
+    assert validated(with_values(Parameters(), {f"sensors.{name}": []}))
+    with pytest.raises(ParameterError, match=rf"'sensors\.{name}': \['a', ''\] has an empty topic"):
+        validated(with_values(Parameters(), {f"sensors.{name}": ["a", ""]}))

@@ -268,11 +268,11 @@ class GateMemory:
     """Admits the perceived, and for a while those that were: the paper's A_f at memory 0.
 
     An artefact last perceived at t is admitted while now - t <= `memory_ns`; the end is included,
-    so that a memory of 0 means only now.
+    so that a memory of 0 means only now. It may change at any time.
     """
 
     def __init__(self, memory_ns: int) -> None:
-        self._memory_ns = memory_ns
+        self.memory_ns = memory_ns
         self._last_seen_ns: dict[int, int] = {}
         self._now_ns: int | None = None
 
@@ -293,5 +293,5 @@ class GateMemory:
         return tuple(
             i
             for i, ns in self._last_seen_ns.items()
-            if i in perceived_ns or now_ns - ns <= self._memory_ns
+            if i in perceived_ns or now_ns - ns <= self.memory_ns
         )

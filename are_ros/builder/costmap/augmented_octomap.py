@@ -57,8 +57,9 @@ class AugmentedOctomap:
     """
 
     def __init__(self, max_rate_hz: float) -> None:
-        self.is_shown = False
-        """Whether the cloud that went out last holds artefacts."""
+        self.has_gone_out = False
+        """Whether a cloud went out before."""
+        self._bare: VoxelMap | None = None
         self._limit = RateLimit(max_rate_hz)
         self._voxels: VoxelMap | None = None
         self._real = np.empty((0, 3), np.float32)
@@ -78,6 +79,10 @@ class AugmentedOctomap:
     def forget(self) -> None:
         """Give the whole cloud again at the next update: nobody has asked for it for a while."""
         self._parts, self._added = {}, None
+
+    def is_bare(self, voxels: VoxelMap) -> bool:
+        """Return whether the cloud that went out last holds these voxels, and no artefact."""
+        return self._bare is voxels
 
     def update(
         self,
@@ -102,7 +107,7 @@ class AugmentedOctomap:
         self._added = added
         if not self._limit.allows(now_ns, is_changed, at_once=is_new):
             return None
-        self.is_shown = bool(len(added))
+        self.has_gone_out, self._bare = True, None if len(added) else voxels
         centres = np.concatenate((self._real, _centres_m(added, voxels)))
         return PointCloud.of_points(frame_id, now_ns, centres)
 

@@ -123,16 +123,19 @@ class Spawning:
     def reconfigure(self, parameters: Parameters) -> None:
         """Use other distances, and another way to appear, from now on; region and zones stay.
 
-        Raises ParameterError, and changes nothing, if artefacts shall appear in zones and there is
-        none.
+        Raises ParameterError as `check`, and changes nothing then.
         """
+        self.check(parameters)
+        self._population = parameters.population
+        self._clearance_m = parameters.robot.clearance
+
+    def check(self, parameters: Parameters) -> None:
+        """Raise ParameterError if artefacts shall appear in zones and there is none."""
         if parameters.population.appear is Appear.ZONES and not self.zones.ways_in:
             raise ParameterError(
                 "population.appear is zones, "
                 "but population.zones names no file that lists entrances or zones"
             )
-        self._population = parameters.population
-        self._clearance_m = parameters.robot.clearance
 
     @property
     def area_m2(self) -> float:

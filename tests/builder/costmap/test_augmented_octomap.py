@@ -121,11 +121,14 @@ def test_it_goes_out_when_it_changed_and_not_too_often() -> None:
     assert cloud_of(octomap, 3.1, 0.2) is not None
 
 
-@pytest.mark.parametrize(("x_m", "shown"), [(0.0, True), (50.0, True)])
-def test_it_knows_whether_it_shows_somebody(x_m: float, shown: bool) -> None:
-    """Also of artefacts beyond the lattice."""
+@pytest.mark.parametrize("x_m", [0.0, 50.0])
+def test_it_knows_whether_these_voxels_went_out_with_nobody(x_m: float) -> None:
+    """Also of artefacts beyond the lattice, and of other voxels."""
     octomap = AugmentedOctomap(1.0)
+    assert not AugmentedOctomap(1.0).has_gone_out
     cloud_of(octomap, 0.0)
-    assert not octomap.is_shown
+    assert octomap.has_gone_out
+    assert octomap.is_bare(PLACE)
+    assert not octomap.is_bare(place())
     cloud_of(octomap, 5.0, x_m)
-    assert octomap.is_shown is shown
+    assert not octomap.is_bare(PLACE)
