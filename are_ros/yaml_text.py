@@ -12,6 +12,7 @@ import yaml
 from are_ros.errors import AreError
 
 _DEEPEST = 100
+_LARGEST = 10**300
 
 
 class _Loader(yaml.SafeLoader):
@@ -57,8 +58,12 @@ _Loader.add_implicit_resolver(
 
 
 def _whole_number(loader: _Loader, node: yaml.ScalarNode) -> int:
-    """Refuse 010, which is 8 by YAML 1.1 and 10 by YAML 1.2 and for most who write it."""
+    """Refuse what no float can be, and 010: 8 by YAML 1.1, 10 by YAML 1.2 and for most writers."""
     number = loader.construct_yaml_int(node)
+    if abs(number) > _LARGEST:
+        raise yaml.MarkedYAMLError(
+            problem=f"{node.value[:12]}... is too large a number", problem_mark=node.start_mark
+        )
     digits = node.value.replace("_", "").lstrip("+-")
     if digits.isdecimal() and int(digits) != abs(number):
         problem = f"{node.value} may mean {abs(number)} or {int(digits)}: write the one that is"

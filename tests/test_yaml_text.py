@@ -77,6 +77,16 @@ def test_an_exponent_makes_a_number(number: str) -> None:
     assert parse_yaml(number, "the text", ParameterError) == 0.001
 
 
+def test_a_number_beyond_all_floats_is_refused() -> None:
+    """Wherever it stands; as a text it may be as long as it likes."""
+    huge = "1" + 400 * "0"
+    with pytest.raises(ParameterError, match=r"line 2: 100000000000\.\.\. is too large a number"):
+        parse_yaml(f"a: 1\nb: [{huge}]", "it", ParameterError)
+    with pytest.raises(ParameterError, match="too large"):
+        parse_yaml(f"-{huge}", "it", ParameterError)
+    assert parse_yaml(f"'{huge}'", "it", ParameterError) == huge
+
+
 @pytest.mark.parametrize("number", ["010", "-010", "0_10"])
 def test_a_number_with_a_zero_before_it_is_refused(number: str) -> None:
     """YAML 1.1 reads 8, and most mean 10; 007 is 7 for all, and a text in quotes is no number."""

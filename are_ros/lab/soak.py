@@ -121,6 +121,7 @@ def _open_points(environment: Environment, radius_m: float) -> npt.NDArray[np.fl
 _NOTHING_SHOWN = Demand(perception=False, grids=False, markers=False)
 _WAY_STEP_S = 0.5
 _LONGEST_EMPTY_S = 60.0
+_SHORTEST_STEP_S = 0.01
 _LONGEST_BLOCKED_S = 600.0
 _ALONG_AXIS_RAD = math.radians(5.0)
 
@@ -239,7 +240,14 @@ class SoakRun:
     def __init__(self, grid: OccupancyGrid, parameters: Parameters, catalogue: Catalogue) -> None:
         self._step_s = parameters.motion.step
         self._radius_m = parameters.robot.radius
-        parameters = with_values(parameters, {"builder.tick_rate": 1.0 / self._step_s})
+        if self._step_s < _SHORTEST_STEP_S:
+            raise ParameterError(
+                f"motion.step is {self._step_s:g} s: a soak looks at every sub-step, "
+                f"which takes {_SHORTEST_STEP_S:g} s or more"
+            )
+        # The robot is a disc, for the artefacts as for the judge.
+        soaked = {"builder.tick_rate": 1.0 / self._step_s, "robot.footprint": ""}
+        parameters = with_values(parameters, soaked)
         self.builder = ArBuilder(parameters, catalogue, _NOTHING_SHOWN)
         self.builder.receive_map(grid, 0)
         environment = self.builder.world.environment

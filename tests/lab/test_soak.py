@@ -152,6 +152,21 @@ def test_where_nobody_lives_nothing_is_judged() -> None:
         soaked(room(0.4), 1.0, parameters(0.01))
 
 
+def test_a_footprint_of_the_users_robot_is_no_overlap() -> None:
+    """The robot of a soak is a disc, for the artefacts, too."""
+    narrow = {"robot.footprint": "[[0.3, 0.2], [-0.3, 0.2], [-0.3, -0.2]]"}
+    crowd = parameters(0.02, **PEOPLE)
+    plain, other = (soaked(room(6.0), 4.0, with_values(crowd, given)) for given in ({}, narrow))
+    assert other.is_clean, other.table()
+    assert other.table() == plain.table()
+
+
+def test_steps_shorter_than_a_tick_are_refused() -> None:
+    """A soak looks at each of them."""
+    with pytest.raises(ParameterError, match=r"motion\.step is 0\.005 s: a soak looks at every"):
+        soaked(room(), 1.0, with_values(parameters(0.01), {"motion.step": 0.005}))
+
+
 def test_where_nobody_finds_a_place_it_ends_and_says_so() -> None:
     """After ten minutes of blocked arrivals: there is room for the robot, and for nobody beside."""
     with pytest.raises(MapError, match=r"in 600 s none of \d+ arrivals found a place"):

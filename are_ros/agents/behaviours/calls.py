@@ -169,6 +169,8 @@ def _faults_of(intent: object) -> Iterator[str]:
     activity: object = intent.activity
     if not isinstance(activity, str):
         yield f"the activity {activity!r}: a text is needed"
+    elif any("\ud800" <= letter <= "\udfff" for letter in activity):
+        yield f"the activity {activity!a}: it has half a letter, which no message can hold"
 
 
 def _is_point(point_m: object) -> bool:
@@ -179,7 +181,10 @@ def _is_point(point_m: object) -> bool:
 
 def is_number(number: object) -> bool:
     """Return whether an object is a finite number."""
-    return isinstance(number, _NUMBERS) and math.isfinite(number)
+    try:
+        return isinstance(number, _NUMBERS) and math.isfinite(number)
+    except OverflowError:  # a whole number beyond all floats
+        return False
 
 
 def _raised(kind: type, call: BehaviourCall, cause: BaseException, method: str) -> BehaviourError:

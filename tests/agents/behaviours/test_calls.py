@@ -67,6 +67,9 @@ BAD: list[tuple[Any, str]] = [
     (Intent((math.nan, 1.0), 1.0), "the goal_m (nan, 1.0): "),
     (Intent((1.0, math.inf), 1.0), "the goal_m (1.0, inf): "),
     (Intent((1.0, 1e300), 1.0), "the goal_m (1.0, 1e+300): "),
+    (Intent((10**400, 1.0), 1.0), "the goal_m (1000"),
+    (Intent((1.0, 2.0), 10**400), "the speed_mps 1000"),
+    (Intent(None, 0.0, activity="a\ud800b"), "the activity 'a\\ud800b': "),
     (Intent([1.0, 2.0], 1.0), "the goal_m [1.0, 2.0]: "),  # type: ignore[arg-type]
     (Intent((1.0, 2.0, 0.0), 1.0), "the goal_m (1.0, 2.0, 0.0): "),  # type: ignore[arg-type]
     (Intent(None, 0.0, face_m=(math.nan, 0.0)), "the face_m (nan, 0.0): "),

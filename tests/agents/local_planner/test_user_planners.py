@@ -142,6 +142,7 @@ BAD: list[tuple[Any, str]] = [
     ([(0.0, 1.0, 2.0)], "the wish (0.0, 1.0, 2.0): "),
     ([(math.nan, 1.0)], "the wish (nan, 1.0): "),
     ([(0.0, math.inf)], "the wish (0.0, inf): "),
+    ([(10**400, 1.0)], "the wish (1000"),
 ]
 
 
