@@ -10,6 +10,7 @@ import numpy.typing as npt
 from are_ros.builder.assembly import robot_footprint
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.spawning.placement import Placer
+from are_ros.builder.spawning.spawner import check_ways_in
 from are_ros.parameters.choices import Region
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue
@@ -46,7 +47,7 @@ class Site:
 
 
 def surveyed(grid: OccupancyGrid, parameters: Parameters, catalogue: Catalogue) -> Site:
-    """Return the site of a map; ParameterError where the region's zones are missing or bad.
+    """Return the site of a map; ParameterError where zones are missing or bad.
 
     Where the region is what the robot can reach it is taken to start in the largest part.
     """
@@ -85,13 +86,15 @@ def site_rows(
 def _survey(environment: Environment, parameters: Parameters) -> Survey:
     settings = parameters.population
     radius_m = robot_footprint(parameters.robot).inscribed_radius_m
+    zones = read_zones_file(Path(settings.zones)) if settings.zones else Zones()
+    check_ways_in(parameters, zones)
     finder = region_finder(
         settings.region,
         environment.grid,
         environment.classes.free,
         environment.clearance_m,
         radius_m,
-        zones=read_zones_file(Path(settings.zones)) if settings.zones else Zones(),
+        zones=zones,
     )
     if settings.region is not Region.REACHABLE:
         return Survey(environment, finder.at(None), 1)

@@ -95,6 +95,10 @@ def test_zones_count_by_their_weights(
     assert "zones of 1 m^2, by their weights 3 m^2" in text
     with pytest.raises(ParameterError, match="zones"):
         surveyed(grid_of(TWO_ROOMS), parameters_of(population__region="zones"), catalogue)
+    zones.write_text("exits: [{polygon: [[0.5, 0.5], [1.5, 0.5], [1.5, 1.5]]}]")
+    nowhere = parameters_of(population__appear="zones", population__zones=str(zones))
+    with pytest.raises(ParameterError, match="names no file that lists entrances or zones"):
+        surveyed(grid_of(TWO_ROOMS), nowhere, catalogue)
 
 
 def test_who_fits_nowhere_is_blocked_always(

@@ -93,6 +93,15 @@ Allowed = Callable[[OrientedBoxes], npt.NDArray[np.bool_]]
 """Tells which of N boxes may stand where they are: bool (N,)."""
 
 
+def check_ways_in(parameters: Parameters, zones: Zones) -> None:
+    """Raise ParameterError if artefacts shall appear in zones, and these list no way in."""
+    if parameters.population.appear is Appear.ZONES and not zones.ways_in:
+        raise ParameterError(
+            "population.appear is zones, "
+            "but population.zones names no file that lists entrances or zones"
+        )
+
+
 class Spawning:
     """Chooses arrival poses in the spawn region of the present environment.
 
@@ -131,11 +140,7 @@ class Spawning:
 
     def check(self, parameters: Parameters) -> None:
         """Raise ParameterError if artefacts shall appear in zones and there is none."""
-        if parameters.population.appear is Appear.ZONES and not self.zones.ways_in:
-            raise ParameterError(
-                "population.appear is zones, "
-                "but population.zones names no file that lists entrances or zones"
-            )
+        check_ways_in(parameters, self.zones)
 
     @property
     def area_m2(self) -> float:
