@@ -169,9 +169,9 @@ class AgentTable:
         return since_ns
 
     def postpone(self, by_ns: int) -> None:
-        """Let a time pass for nobody: tracks, leaving, and what decisions count from go on later.
+        """Let a time not count: tracks, patience on the way out, and being stuck go on after it.
 
-        The behaviours' own waiting times go on.
+        The waiting times that behaviours keep themselves are not moved.
         """
         for _, track in self.tracks:
             track.postpone(by_ns)

@@ -144,13 +144,10 @@ def _full_name(node: str) -> str:
     return "/" + node.strip("/")
 
 
-def _in_any_namespace(section: str) -> str:
-    return f"/**/{_NODE}" if section.strip("/") == _NODE else section
-
-
 def _addresses(section: str, node: str) -> bool:
-    """Tell whether a section's name is for a node, as rcl matches names."""
-    words = _full_name(_in_any_namespace(section))[1:].split("/")
+    """Tell whether a section's name is for a node, as rcl matches names; ours alone is for any."""
+    name = f"**/{_NODE}" if section.strip("/") == _NODE else section.strip("/")
+    words = name.split("/")
     anything = {"*": "/[^/]+", "**": "(/[^/]+)*"}
     return bool(re.fullmatch("".join(anything.get(w, "/" + re.escape(w)) for w in words), node))
 

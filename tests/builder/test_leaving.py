@@ -135,9 +135,10 @@ def test_a_pause_takes_nothing_from_the_patience() -> None:
     town.builder.advance(town.ns(61.5))
     town.lives.pause(town.ns(61.5), is_paused=False)
     assert state.gained_ns - gained_ns == town.ns(60.0) - town.ns(0.0), "nor is it stuck"
-    record = town.run(61.5, 62.5)
+    town.robot(61.5, 0.5, 0.5)
+    record = town.run(61.5, 66.5)
     assert [e for e in record.events if e.kind is EventKind.DEPARTED] == []
-    assert math.dist(record.way_of(walker)[-1, 1:3], (1.5, 4.0)) > 1.0
+    assert math.dist(record.way_of(walker)[-1, :2], (1.5, 4.0)) > 4.0
 
 
 def planned(values: dict[str, Any], grid: OccupancyGrid) -> dict[int, tuple[int, int, int | None]]:

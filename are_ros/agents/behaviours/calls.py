@@ -170,7 +170,7 @@ def _faults_of(intent: object) -> Iterator[str]:
     if not isinstance(activity, str):
         yield f"the activity {activity!r}: a text is needed"
     elif any("\ud800" <= letter <= "\udfff" for letter in activity):
-        yield f"the activity {activity!a}: it has half a letter, which no message can hold"
+        yield f"the activity {activity!a}: it is no Unicode text, as a message needs"
 
 
 def _is_point(point_m: object) -> bool:
