@@ -210,14 +210,14 @@ class TickSeries:
     """One number per tick: how many lived, how many were perceived, nu of Eq. 4, and the stamps.
 
     Arrays int64 or float64 (ticks,), read-only; `blind_ticks` counts those at which no camera's
-    pose was known.
+    pose was known; it is None where perception was left out.
     """
 
     stamps_ns: Stamps
     alive: npt.NDArray[np.int64]
     perceived: npt.NDArray[np.int64]
     clutter_ratio: Floats
-    blind_ticks: int
+    blind_ticks: int | None
 
     def passed_ns(self) -> Stamps:
         """Return the time since the first tick at each tick, int64 (ticks,), gaps left out."""

@@ -608,7 +608,7 @@ def _prism(outline_m: Floats, low_m: float, high_m: float) -> tuple[Points, Face
     return np.vstack((low, high)).astype(np.float32), faces.astype(np.uint32)
 
 
-def _simplified(points_m: Floats, tolerance_m: float = 0.03) -> Floats:
+def _simplified(points_m: Floats, tolerance_m: float = 0.01) -> Floats:
     """Return a way (N, 2) with fewer points, each of the others within the tolerance of it."""
     import cv2
 

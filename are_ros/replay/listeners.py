@@ -346,9 +346,11 @@ class StandingWatch(Listener):
                 "the robot stood on occupied or unknown cells, or beyond the map, "
                 f"in {outside} of {self._ticks} ticks"
             )
-        kind = self._builder.parameters.population.region
-        if self._ticks and kind is Region.REACHABLE and self._area_m2 < _LEAST_AREA_M2:
-            doubts.append(f"the robot can reach {self._area_m2:.1f} m^2 of the map at most")
+        population = self._builder.parameters.population
+        is_small = self._ticks and self._area_m2 < _LEAST_AREA_M2
+        if is_small and population.region is Region.REACHABLE:
+            but = ", without no_spawn of population.zones" if population.zones else ""
+            doubts.append(f"the robot can reach {self._area_m2:.1f} m^2 of the map at most{but}")
         question = "does the map belong to the recording, and is its frame right?"
         return [f"{', and '.join(doubts)}: {question}{self._undecided()}"] if doubts else []
 

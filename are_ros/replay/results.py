@@ -50,6 +50,7 @@ def metrics_content(
     topic. Numbers that are not known are null. The same replay gives the same content.
     """
     series = record.series
+    is_known = series.blind_ticks is not None
     return {
         "seed": record.seed,
         "ticks": len(series.stamps_ns),
@@ -58,10 +59,10 @@ def metrics_content(
         "ticks_without_perception": series.blind_ticks,
         **_population(record),
         "alive": _mean_and_max(series.alive),
-        "perceived": _mean_and_max(series.perceived),
-        "perceived_ever": sum(life.is_perceived for life in record.lives),
+        "perceived": _mean_and_max(series.perceived if is_known else series.perceived[:0]),
+        "perceived_ever": _perceived_of(record, record.lives),
         "clutter_ratio": _mean_and_max(series.clutter_ratio),
-        "classes": _classes(record.lives),
+        "classes": _classes(record),
         **_readings(readings),
         "refused": dict(sorted(refused.items())),
         "written": dict(sorted(written.items())),
@@ -107,6 +108,7 @@ def summary_lines(metrics: Content, timing: Content | None = None) -> list[str]:
         *(
             (f"  {name}", f"{one['perceived']} of {one['arrived']}")
             for name, one in metrics["classes"].items()
+            if one["perceived"] is not None
         ),
         ("robot", f"{counted(metrics['robot_contacts'], 'contact')} with artefacts"),
         *(
@@ -163,15 +165,20 @@ def _number(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _classes(lives: Sequence[Life]) -> Content:
-    names = sorted({life.row.class_name for life in lives})
+def _classes(record: SceneRecord) -> Content:
+    lives: dict[str, list[Life]] = {}
+    for life in record.lives:
+        lives.setdefault(life.row.class_name, []).append(life)
     return {
-        name: {
-            "arrived": sum(life.row.class_name == name for life in lives),
-            "perceived": sum(life.row.class_name == name and life.is_perceived for life in lives),
-        }
-        for name in names
+        name: {"arrived": len(lives[name]), "perceived": _perceived_of(record, lives[name])}
+        for name in sorted(lives)
     }
+
+
+def _perceived_of(record: SceneRecord, lives: Sequence[Life]) -> int | None:
+    """Return how many were perceived at some time; None where perception was left out."""
+    is_known = record.series.blind_ticks is not None
+    return sum(life.is_perceived for life in lives) if is_known else None
 
 
 def _life(record: SceneRecord, life: Life) -> Content:
@@ -217,6 +224,8 @@ def _artefact_text(metrics: Content) -> str:
 
 
 def _perceived_text(metrics: Content) -> str:
+    if metrics["perceived_ever"] is None:
+        return "left out"
     total = sum(one["arrived"] for one in metrics["classes"].values())
     blind = metrics["ticks_without_perception"]
     warning = f"; {blind} of {metrics['ticks']} ticks without camera or its pose" if blind else ""

@@ -100,7 +100,7 @@ class SceneRecorder:
     def __init__(
         self, parameters: Parameters, catalogue: Catalogue, *, is_perceiving: bool = True
     ) -> None:
-        """Take the parameters of the run; without perception no tick counts as blind."""
+        """Take the parameters of the run; without perception ticks are not counted as blind."""
         self._is_perceiving, self._parameters = is_perceiving, parameters
         self._rows = {row.label: row for row in catalogue.rows}
         self._lives: dict[int, _LifeRecorder] = {}
@@ -177,6 +177,7 @@ class SceneRecorder:
         """Return the record so far."""
         stamps, alive, perceived = (np.array(values, dtype=np.int64) for values in self._counts)
         clutter = np.array(self._clutter, dtype=np.float64)
+        blind_ticks = self._blind_ticks if self._is_perceiving else None
         return SceneRecord(
             seed=self._parameters.seed,
             max_range_m=self._parameters.occlusion.max_range,
@@ -187,7 +188,7 @@ class SceneRecorder:
             view_of_pose=np.array(self._view_of_pose, dtype=np.int64),
             lives=tuple(self._lives[i].finished(i) for i in sorted(self._lives)),
             events=tuple(self._events),
-            series=TickSeries(stamps, alive, perceived, clutter, self._blind_ticks),
+            series=TickSeries(stamps, alive, perceived, clutter, blind_ticks),
             metrics=self._metrics,
             base=self._base.track(),
             scans=dict(self._scans),
@@ -238,7 +239,7 @@ class SceneRecorder:
         if moment.others:
             self._others[moment.stamp_ns] = moment.others
         if pose is None:
-            self._blind_ticks += self._is_perceiving and not moment.others
+            self._blind_ticks += not moment.others
         elif camera is not None:
             if not self._views or self._views[-1] != camera.view:
                 self._views.append(camera.view)

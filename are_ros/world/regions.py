@@ -19,6 +19,8 @@ from are_ros.yaml_text import Fields, read_yaml
 _LISTS_OF_ZONES: Final = ("zones", "entrances", "exits")
 _FILE_FIELDS: Final = ("entrances", "exits", "no_spawn", "zones")
 _ZONE_FIELDS: Final = ("name", "polygon", "weight")
+_MOST: Final = 1e9
+"""The farthest corner [m], and the largest weight, of which the smallest is the inverse."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +132,10 @@ def _zones(document: Fields, field: str) -> tuple[Zone, ...]:
         given = document.inner(f"{field}[{number}]", entry, _ZONE_FIELDS)
         name = given.text("name", f"{field.removesuffix('s')} {number}")
         polygon_m = _polygon(given, "polygon", given.raw("polygon"))
-        zones.append(Zone(name, polygon_m, given.number("weight", 1.0, positive=True)))
+        weight = given.number("weight", 1.0, positive=True)
+        if not 1.0 / _MOST <= weight <= _MOST:
+            given.refuse("weight", f"is {weight:g}, but {1.0 / _MOST:g} to {_MOST:g} is taken")
+        zones.append(Zone(name, polygon_m, weight))
     return tuple(zones)
 
 
@@ -140,6 +145,9 @@ def _polygon(given: Fields, field: str, corners: object) -> npt.NDArray[np.float
     polygon_m = np.array(
         [given.vector(f"{field}[{k}]", xy, "x, y") for k, xy in enumerate(corners)]
     )
+    farthest_m = np.abs(polygon_m).max()
+    if farthest_m > _MOST:
+        given.refuse(field, f"has a corner at {farthest_m:g} m, farther than {_MOST:g} m")
     polygon_m.flags.writeable = False
     return polygon_m
 

@@ -195,6 +195,7 @@ def test_a_texture_becomes_its_colour_at_the_corners(tmp_path: Path) -> None:
         ("missing.stl", None, "does not exist"),
         ("notes.txt", b"hello", "is none of OBJ, STL, PLY, GLB"),
         ("empty.obj", b"# nothing\n", "holds no triangles"),
+        ("short.stl", bytes(80) + b"\x0c\0\0\0" + bytes(70), "or is cut short"),
         ("broken.glb", b"glTFxxxxxxxxx", "cannot be read"),
         ("broken.ply", b"ply\nformat nonsense\n", "cannot be read"),
         ("nan.obj", b"v 0 0 1\nv 0 0 0\nv 1 0 0\nv 0 nan 1\nf 1 2 3\nf 2 3 4\n", "not finite"),

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -80,6 +81,19 @@ def test_metrics() -> None:
     assert (content["duration_s"], content["ticks"], content["perceived_ever"]) == (2.0, 3, 1)
     assert content["scans"] == {"/scan": {"exact": 7, "held": 2, "passed_through": 1}}
     assert list(content["written"]) == ["/a", "/b"]
+
+
+def test_without_perception_nothing_is_said_to_be_perceived() -> None:
+    """What nobody looked for is not known: null in the metrics, and no count in the summary."""
+    record = _record()
+    record = replace(record, series=replace(record.series, blind_ticks=None))
+    content = metrics_content(record, *NONE)
+    assert content["perceived"] == {"mean": None, "max": None}
+    assert content["perceived_ever"] is content["ticks_without_perception"] is None
+    assert content["classes"]["car"] == {"arrived": 1, "perceived": None}
+    summary = "\n".join(summary_lines(content))
+    assert "perceived  left out\n" in summary
+    assert " of 1" not in summary
 
 
 def test_lives_in_seconds_since_the_first_tick() -> None:

@@ -14,7 +14,7 @@ import pytest
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.builder.sensors.sensor_path import ReleasedReading
 from are_ros.parameters.choices import Region
-from are_ros.parameters.model import WorldParameters
+from are_ros.parameters.model import PopulationParameters, WorldParameters
 from are_ros.replay.listeners import ScanFit, StandingWatch
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.rigid_transform import RigidTransform
@@ -36,7 +36,8 @@ def watched(
 ) -> list[str]:
     """Return what is said of a robot at (x, 0.5), in one tick with each map."""
     world = SimpleNamespace(environment=None)
-    parameters = SimpleNamespace(population=SimpleNamespace(region=region), world=WorldParameters())
+    population = PopulationParameters(region=region)
+    parameters = SimpleNamespace(population=population, world=WorldParameters())
     builder: Any = SimpleNamespace(world=world, parameters=parameters)
     watch = StandingWatch(builder)
     for world.environment, x_m in zip(maps, places, strict=True):
@@ -168,4 +169,16 @@ def test_a_replay_says_it_of_a_wrong_frame(
     assert (good.returncode, bad.returncode) == (0, 0)
     assert QUESTION not in good.stderr
     assert bad.stderr.splitlines()[-1].endswith(QUESTION)
-    assert "the robot can reach 0.0 m^2 of the map at most" in bad.stderr
+    assert "the robot can reach 0.0 m^2 of the map at most: " in bad.stderr
+
+
+def test_ground_where_nobody_may_arrive_is_named(
+    sample_bag: Path, run_are: RunAre, tmp_path: Path
+) -> None:
+    """Where no_spawn leaves nothing, it is not the map alone that is in doubt."""
+    zones = tmp_path / "zones.yaml"
+    zones.write_text("no_spawn: [[[-90, -90], [90, -90], [90, 90], [-90, 90]]]\n")
+    words = ("replay", sample_bag, "--duration", "2", "--skip", "grids", "--skip", "markers")
+    done = run_are(*words, "--set", f"population.zones:={zones}", "--out", tmp_path / "a")
+    assert done.returncode == 0
+    assert "0.0 m^2 of the map at most, without no_spawn of population.zones: " in done.stderr

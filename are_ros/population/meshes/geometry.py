@@ -123,7 +123,7 @@ def read_bodies(source: MeshFile) -> list[Any]:
         raise CatalogueError(f"the mesh file {source.path} cannot be read: {reason}") from cause
     bodies = [part for part in parts if isinstance(part, trimesh.Trimesh) and len(part.faces)]
     if not bodies:
-        raise CatalogueError(f"the mesh file {source.path} holds no triangles")
+        raise CatalogueError(f"the mesh file {source.path} holds no triangles, or is cut short")
     return bodies
 
 
