@@ -14,6 +14,7 @@ from typing import Any, Final
 from rclpy.node import Node
 
 from are_ros.bag.reader import BagReader
+from are_ros.bag.recording import PREFIX
 from are_ros.bag.roles import find_roles
 from are_ros.errors import BagError, NodeError
 from are_ros.messages.sensors import SENSORS
@@ -69,7 +70,7 @@ def run_demo(
     Leaves augmented.mcap, effective.yaml, node.log and recorder.log in the folder. Raises AreError.
     """
     keep_to_this_machine()
-    remaps, sensors = _topics(options)
+    remaps, sensors, outputs = _topics(options)
     options = replace(options, parameters=with_values(options.parameters, sensors))
     _prepare(options)
     with ExitStack() as stack:
@@ -80,7 +81,7 @@ def run_demo(
         node = stack.enter_context(_process(command, log))
         say("starting the node (kernels that are not there yet compile for a minute or two)")
         _await_active((node, recorder), options.out, should_stop)
-        outcome = play(_play_options(options), say, open_progress, should_stop)
+        outcome = play(_play_options(options, outputs), say, open_progress, should_stop)
         _check_alive((node, recorder), options.out)
     if recorder.returncode:
         say(f"the recording is not complete: {options.out / 'recorder.log'} says why")
@@ -108,16 +109,23 @@ def _prepare(options: DemoOptions) -> None:
         raise BagError(message) from cause
 
 
-def _topics(options: DemoOptions) -> tuple[dict[str, str], dict[str, tuple[str, ...]]]:
+def _topics(
+    options: DemoOptions,
+) -> tuple[dict[str, str], dict[str, tuple[str, ...]], tuple[str, ...]]:
     """Return the topics of the recording that are not named as the node expects them.
 
     By role, to be renamed; and those of sensors whose transport is in their name, by parameter.
+    Then the outputs of a node that were recorded, too: this node sends its own.
     """
     bag, sensors = options.bag, options.parameters.sensors
     with BagReader([bag]) as reader:
         roles = find_roles(reader.topics, {})
+        outputs = tuple(topic.name for topic in reader.topics if PREFIX in topic.name)
     if roles.topic("map") is None:
-        raise BagError(f"{bag.name}: the recording has no map, and the demo plays no other")
+        raise BagError(
+            f"{bag.name}: the recording has no map, and the demo plays no other; "
+            "`are replay` with --map FILE and --with-inputs writes a recording that has it"
+        )
     found = {role: roles.topic(role) for role in _ROLES}
     renamed = {role: topic for role, topic in found.items() if topic and topic != f"/{role}"}
     others = [kind for role, kind in SENSORS.items() if role not in _ROLES]
@@ -126,12 +134,13 @@ def _topics(options: DemoOptions) -> tuple[dict[str, str], dict[str, tuple[str, 
         for kind in others
         if kind.is_by_role(sensors) and (topic := roles.topic(kind.role))
     }
-    return renamed, named
+    return renamed, named, outputs
 
 
-def _play_options(options: DemoOptions) -> PlayOptions:
+def _play_options(options: DemoOptions, outputs: tuple[str, ...]) -> PlayOptions:
     return PlayOptions(
         bags=(options.bag,),
+        exclude=outputs,
         rate=options.rate,
         duration_s=options.duration_s,
         lockstep=(NODE, _RECORDER) if options.lockstep else (),

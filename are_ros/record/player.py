@@ -9,6 +9,7 @@ from typing import Final
 
 from are_ros.bag.clock import MOVING_ROLES, BagClock, RecordedTimes
 from are_ros.bag.reader import BagMessage, BagReader
+from are_ros.bag.recording import PREFIX
 from are_ros.bag.roles import TF_TYPES, find_roles
 from are_ros.bag.stretches import Window, stretches_of
 from are_ros.conventions import NS_PER_S
@@ -17,7 +18,7 @@ from are_ros.node.startup import ros_session
 from are_ros.record.lockstep import Lockstep, Pace, ShouldStop
 from are_ros.record.publishers import ClockPublisher, PlayedTopics, PlayOptions, await_subscribers
 from are_ros.replay.progress import Progress
-from are_ros.wording import duration_text
+from are_ros.wording import counted, duration_text
 
 # The window of a recording that is played, and its clock.
 
@@ -175,6 +176,9 @@ def play(
         topics = PlayedTopics(node, reader, options, say)
         if not topics.publishers:
             raise BagError("nothing is left to play of the recording")
+        if outputs := sum(PREFIX in topic for topic in topics.publishers):
+            name = f"{counted(outputs, 'output topic')} of {PREFIX.strip('/')}"
+            say(f"{name} in the recording, too: beside a live node each message would come twice")
         clock = ClockPublisher(node, options.clock_hz)
         pace: Pace = RealTimePace(options.rate, should_stop)
         if options.lockstep:

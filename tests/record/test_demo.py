@@ -91,7 +91,10 @@ def test_it_says_what_happened(lockstep_run: Path) -> None:
 
 
 def test_other_topic_names_are_found_by_their_roles(ros_available: None, tmp_path: Path) -> None:
-    """The node is told the recording's names; all of its inputs reach it."""
+    """The node is told the recording's names; all of its inputs reach it.
+
+    What a node sent while the recording was made is not played beside what this one sends.
+    """
     del ros_available
     bag = write_renamed(tmp_path / "renamed.mcap", 3.0)
     run_demo(tmp_path / "out", "--lockstep", bag=bag)
@@ -104,7 +107,7 @@ def test_other_topic_names_are_found_by_their_roles(ros_available: None, tmp_pat
 
 
 def write_renamed(path: Path, duration_s: float) -> Path:
-    """Write the beginning of the sample with other topic names."""
+    """Write the beginning of the sample with other topic names, and outputs of a node in it."""
     with BagReader([SAMPLE]) as reader, BagWriter(path, get_typestore(Stores.ROS2_JAZZY)) as writer:
         for topic in reader.topics:
             writer.add_topic(
@@ -113,8 +116,11 @@ def write_renamed(path: Path, duration_s: float) -> Path:
                 is_latched=topic.is_latched,
                 is_reliable=topic.is_reliable,
             )
+        writer.add_topic("/ar_builder/scan", "sensor_msgs/msg/LaserScan")
         stop_ns = reader.start_ns + round(duration_s * NS_PER_S)
         for message in reader.messages(stop_ns=stop_ns):
+            if message.topic == "/scan":
+                writer.write_raw("/ar_builder/scan", message.log_time_ns, bytes(message.data))
             topic_name = RENAMED.get(message.topic, message.topic)
             writer.write_raw(topic_name, message.log_time_ns, bytes(message.data))
     return path

@@ -337,6 +337,20 @@ def test_a_recorded_clock_gives_way(ros: RosWorld, tmp_path: Path) -> None:
     assert run.outcome.skipped.keys() == {"/clock"}
 
 
+def test_outputs_of_a_node_are_played_and_named(ros: RosWorld, tmp_path: Path) -> None:
+    """They are a topic like any other, but come twice where a node sends its own."""
+    records = [("/a", 0.0, "x"), ("/one/ar_builder/events", 0.1, "y")]
+    bag = write_strings(tmp_path / "bag.mcap", records)
+    heard = listen(ros, ("/a", "/one/ar_builder/events"))
+    with ros.spinning():
+        run = played(bag, **FAST)
+        alone = played(bag, exclude=("/one/ar_builder/events",), **FAST)
+        ros.spin_until(lambda: bool(heard))
+    (sentence,) = [one for one in run.sentences if "ar_builder" in one]
+    assert sentence.startswith("1 output topic of ar_builder in the recording, too: ")
+    assert not [one for one in alone.sentences if "ar_builder" in one]
+
+
 def test_a_recorded_clock_is_played_where_there_is_no_other(ros: RosWorld, tmp_path: Path) -> None:
     """With `clock_hz` of 0 it is a topic like any other."""
     bag = bag_with_clock(tmp_path)
