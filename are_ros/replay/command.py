@@ -9,7 +9,12 @@ from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.bag.reader import BagReader, recording_in
 from are_ros.bag.recording import find_recording
 from are_ros.bag.roles import OCTOMAP, read_overrides, sensors_of
-from are_ros.builder.assembly import catalogue_of, parse_static_transforms, replaced_statics
+from are_ros.builder.assembly import (
+    catalogue_of,
+    parse_static_transforms,
+    replaced_statics,
+    robot_footprint,
+)
 from are_ros.builder.sensors.sensor_path import SensorPathCounts
 from are_ros.builder.tick import Demand
 from are_ros.describe.configuration import describe_lines
@@ -282,6 +287,9 @@ def describe_command(
 ) -> None:
     """Run `are describe`; with a `row` only its decisions, on a map."""
     parameters = effective_parameters(parameter_files, assignments, seed)
+    # what is not described is refused all the same, as a replay would
+    robot_footprint(parameters.robot)
+    parse_static_transforms(parameters.frames.static)
     catalogue, site = catalogue_of(parameters), Site()
     if map_file is not None:
         site = surveyed(read_map_file(map_file, parameters.frames.map), parameters, catalogue)

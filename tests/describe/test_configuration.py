@@ -15,6 +15,7 @@ from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.population.meshes.shapes import Shape
 from are_ros.population.mixture import TruncatedPoissonMixture
+from are_ros.replay.command import describe_command
 
 
 def _row(index: int, class_name: str, *, forever: bool = False) -> CatalogueRow:
@@ -249,3 +250,16 @@ def test_a_detector_is_described_where_there_is_one() -> None:
     assert "detector" not in _text(everything=False)
     text = _text(certainty__enabled=True, certainty__false_alarm_rate=0.5)
     assert "detects 97 % at best, half of that at 15 m; 30 false alarms a minute" in text
+
+
+@pytest.mark.parametrize(
+    ("assignment", "reason"),
+    [
+        ("robot.footprint:=abc", "robot.footprint: 'abc'"),
+        ("frames.static:=[1 2]", "form X Y Z YAW"),
+    ],
+)
+def test_what_is_not_described_is_refused_all_the_same(assignment: str, reason: str) -> None:
+    """Robot and frames say nothing about the population, but the file that has them is checked."""
+    with pytest.raises(ParameterError, match=reason):
+        describe_command(print, None, (), (assignment,), None)
