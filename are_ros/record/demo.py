@@ -1,6 +1,7 @@
 """`are demo`: the live node over DDS, fed with a recording, its outputs recorded."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -42,6 +43,7 @@ _LATCHED_DEPTH: Final = 20
 _READY_S: Final = 600.0
 _ASK_S: Final = 0.05
 _END_S: Final = 15.0
+_WARNING: Final = re.compile(r"^\[(?:WARN|ERROR|FATAL)\] \[[\d.]+\] \[[^]]*\]: (.+)$", re.MULTILINE)
 _DOMAINS: Final = range(102, 41, -1)
 """People mostly use low domain ids."""
 
@@ -83,6 +85,8 @@ def run_demo(
         _await_active((node, recorder), options.out, should_stop)
         outcome = play(_play_options(options, outputs), say, open_progress, should_stop)
         _check_alive((node, recorder), options.out)
+    for sentence in _warnings(options.out / "node.log"):
+        say(sentence)
     if recorder.returncode:
         say(f"the recording is not complete: {options.out / 'recorder.log'} says why")
     return outcome
@@ -225,6 +229,12 @@ def _state(client: Any, executor: Any) -> int:
     future = client.call_async(client.srv_type.Request())
     executor.spin_until_future_complete(future, timeout_sec=1.0)
     return int(future.result().current_state.id) if future.done() else 0
+
+
+def _warnings(log: Path) -> list[str]:
+    """Return what a log warns of, each sentence once."""
+    words = log.read_text(encoding="utf-8", errors="replace")
+    return list(dict.fromkeys(_WARNING.findall(words)))
 
 
 def _check_alive(processes: Sequence["subprocess.Popen[bytes]"], out: Path) -> None:

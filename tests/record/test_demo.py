@@ -78,10 +78,11 @@ def test_the_node_says_farewell(run: str, request: pytest.FixtureRequest) -> Non
 
 
 def test_it_says_what_happened(lockstep_run: Path) -> None:
-    """What was played, the summary of the recording, and where things are."""
+    """What was played and what the node warned of, the recording's summary, where things are."""
     said = said_by(lockstep_run).splitlines()
     assert "starting the node (kernels that are not there yet compile for a minute or two)" in said
     assert "played       1363 messages on 9 topics" in said
+    assert said.count("the transform odom -> base_footprint from odometry is overruled by tf") == 1
     summary = summary_of(lockstep_run / "augmented.mcap")
     first = said.index(summary[0])
     assert said[first : first + len(summary)] == summary
