@@ -128,6 +128,7 @@ def test_nobody_comes(
         _trial(parameters_of(**values), catalogue, Site())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("group", [1.0, 2.0])
 def test_lives_at_a_constant_rate_are_those_of_the_tagged_chain(
     group: float,

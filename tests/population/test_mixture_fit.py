@@ -132,6 +132,7 @@ def test_standard_errors_are_as_large_as_they_say() -> None:
     assert binom.ppf(0.0005, 450, 0.0455) <= beyond <= binom.ppf(0.9995, 450, 0.0455)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rates", [(12.0,), (3.0, 18.0), (2.0, 11.0, 26.0), (0.3, 5.0, 15.0, 33.0)])
 def test_bic_finds_the_number_of_well_separated_components(rates: tuple[float, ...]) -> None:
     """One to four components of 10,000 samples are found, in each of three sets."""

@@ -52,8 +52,10 @@ def comings(folder: Path) -> list[tuple[Any, ...]]:
     ("values", "duration_s"),
     [
         # artefact 5 turns away and back within a tick at 30.8 s, when it has arrived
-        pytest.param({}, 32.0, id="as shipped"),
-        pytest.param({"population.arrival_rate": 0.02, "seed": 5}, 12.0, id="a crowd"),
+        pytest.param({}, 32.0, id="as shipped", marks=pytest.mark.long),
+        pytest.param(
+            {"population.arrival_rate": 0.02, "seed": 5}, 12.0, id="a crowd", marks=pytest.mark.long
+        ),
         pytest.param(
             {
                 "population.arrival_rate": 0.02,

@@ -45,7 +45,9 @@ def test_noise_lies_along_the_line_of_sight_and_grows_with_the_range() -> None:
         assert covariance[2, 2] == pytest.approx(0.15**2)
 
 
-@pytest.mark.parametrize("rate_hz", [5, 10, 20])
+@pytest.mark.parametrize(
+    "rate_hz", [5, *(pytest.param(rate, marks=pytest.mark.long) for rate in (10, 20))]
+)
 @pytest.mark.parametrize(("fraction", "range_m"), [(1.0, 1.0), (0.25, 2.0), (0.4, 15.0)])
 def test_looks_detect_as_the_curve_says(rate_hz: int, fraction: float, range_m: float) -> None:
     """Over 10,000 sightings, at each look anew, however often the camera looks (level 1e-4)."""

@@ -43,6 +43,7 @@ def squares(one: PerceivedArtefact, truth: Scene, k: int) -> tuple[float, float]
     )
 
 
+@pytest.mark.long
 def test_errors_of_10000_sightings_follow_chi_square() -> None:
     """Kolmogorov and Smirnov at the level 1e-3, and the means; detections, misses and coasting.
 

@@ -264,7 +264,10 @@ REFERENCES = [
 ]
 
 
-@pytest.mark.parametrize(("bag", "reference"), REFERENCES)
+@pytest.mark.parametrize(
+    ("bag", "reference"),
+    [*REFERENCES[2:], *(pytest.param(*one, marks=pytest.mark.long) for one in REFERENCES[:2])],
+)
 def test_the_hall_s_plan_is_found(
     run_are: RunAre,
     real_data: Path,
