@@ -71,12 +71,10 @@ class Page:
         self.ask("Input.dispatchMouseEvent", type="mousePressed", **where)
         self.ask("Input.dispatchMouseEvent", type="mouseReleased", **where)
 
-    def press(self, key: str, code: int) -> None:
-        """Press a key, as "ArrowRight" with code 39."""
+    def press(self, key: str, code: str) -> None:
+        """Press a key by its name and its code in DevTools, as " " and "Space"."""
         for kind in ("keyDown", "keyUp"):
-            self.ask(
-                "Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code
-            )
+            self.ask("Input.dispatchKeyEvent", type=kind, key=key, code=code)
 
     def picture(self, path: Path | None = None) -> NDArray[np.uint8]:
         """Return a screenshot, uint8 (height, width, 3); write it as PNG, too, if asked to."""

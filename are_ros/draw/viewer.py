@@ -56,6 +56,8 @@ _LOWEST_M, _HIGHEST_M = 0.1, 1.0
 _UNSEEN_OPACITY: Final = 0.3
 _FAN_RAYS: Final = 40
 _NEAR_M: Final = 2.0
+_SCAN_LASTS_NS: Final = NS_PER_S
+"""A scan is shown until the next one, at most for so long: lasers may be slower than ticks."""
 _NOTED_STEP_M: Final = 0.005
 _GROUND_LIFT_M, _FAN_LIFT_M, _WAY_LIFT_M = 0.005, 0.02, 0.03
 _ROBOT_HEIGHT_M: Final = 0.3
@@ -75,7 +77,7 @@ LAYERS: Final = {
     "ways": "/ways",
     "laser scans": "/scans",
 }
-_SINGLE_NODES: Final = ("/map", "/walls", "/robot")
+_SINGLE_NODES: Final = ("/map", "/walls")
 _SQUARE: Final = np.array(((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5)))
 _OVERLAY: Final = Path(__file__).parent / "data" / "view_overlay.html"
 
@@ -162,10 +164,11 @@ def write_view(path: Path, place: ViewedPlace, record: SceneRecord, title: str) 
         aim_camera(server, place, shown)
         scene.draw_ways(shown)
         returns = sum(len(scan.points_m) for tick in shown for scan in tick.scans)
-        every = max(1, -(-returns // _MOST_RETURNS))
+        every, scanned = max(1, -(-returns // _MOST_RETURNS)), 0
         with server.atomic():  # no browser is connected: sending is put off
-            for number, (tick, length_s) in enumerate(zip(shown, _lengths_s(shown), strict=True)):
-                scene.show(tick, with_scans=number % every == 0)
+            for tick, length_s in zip(shown, _lengths_s(shown), strict=True):
+                scene.show(tick, with_scans=scanned % every == 0)
+                scanned += bool(tick.scans)
                 recorder.insert_sleep(length_s)
         if every > 1:
             notes.append(f"one of {every} ticks shows the scans")
@@ -230,6 +233,7 @@ class ViewedScene:
         self._frustums: dict[int, _Node] = {}
         self._fans: dict[int, _Node] = {}
         self._scans: dict[str, _Node] = {}
+        self._scan_ns = 0
         self._ways: dict[str, Any] = {}
         scene.configure_default_lights(enabled=True, cast_shadow=True)
         self._layers = {
@@ -252,8 +256,12 @@ class ViewedScene:
                 self._artefacts[one.artefact_id] = self._new_artefact(one)
             is_perceived = one.artefact_id in tick.perceived
             self._artefacts[one.artefact_id].show(one, is_perceived=is_perceived)
-        if with_scans:
-            self._show_scans(tick.scans)
+        if tick.scans:
+            self._scan_ns = tick.stamp_ns
+            if with_scans:
+                self._show_scans(tick.scans)
+        elif not 0 <= tick.stamp_ns - self._scan_ns < _SCAN_LASTS_NS:
+            self._show_scans(())
 
     def switch(self, layer: str, *, is_shown: bool) -> None:
         """Show or hide one of `LAYERS`."""
@@ -354,15 +362,14 @@ class ViewedScene:
         """Draw the robot: a low prism over its footprint, with an arrow on top."""
         outline = robot_outline(self._place.footprint)
         vertices, faces = _prism(outline, 0.03, _ROBOT_HEIGHT_M)
-        root = self._scene.add_frame("/robot", show_axes=False)
-        body = ROBOT
-        self._scene.add_mesh_simple("/robot/body", vertices, faces, color=body, flat_shading=True)
+        root, body = self._scene.add_frame("/robot/base", show_axes=False), "/robot/base/body"
+        self._scene.add_mesh_simple(body, vertices, faces, color=ROBOT, flat_shading=True)
         reach_m, half_m = float(outline[:, 0].max()), 0.5 * float(np.abs(outline[:, 1]).max())
         back_m = -0.3 * reach_m
         arrow = np.array(((0.85 * reach_m, 0.0), (back_m, half_m), (0.0, 0.0), (back_m, -half_m)))
         top = np.column_stack((arrow, np.full(4, _ROBOT_HEIGHT_M + 0.01)))
         self._scene.add_mesh_simple(
-            "/robot/arrow",
+            "/robot/base/arrow",
             top,
             np.array(((0, 1, 2), (0, 2, 3))),
             color=(255, 255, 255),

@@ -1,6 +1,7 @@
 """`are view --live`: the scene of the running node in a browser, with what can be changed in it."""
 
 import queue
+import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -44,6 +45,9 @@ Say = Callable[[str], None]
 _NODE: Final = "ar_builder"
 _INPUTS: Final = ("map", "octomap_point_cloud_centers", "camera/camera_info", "odom")
 _PATIENCE_S: Final = 60.0
+_ANSWER_S: Final = 5.0
+"""For an answer while somebody looks at the scene, which stands still meanwhile."""
+_SILENCE_S: Final = 3.0
 _WAY_TICKS: Final = 100
 _DRAW_WAYS_EVERY: Final = 10
 _SLIDER_STEPS: Final = 200
@@ -100,6 +104,8 @@ class RemoteNode:
         self.node = node
         self.namespace = f"/{namespace.strip('/')}".rstrip("/")
         self.name = f"{self.namespace}/{_NODE}"
+        self.patience_s = _PATIENCE_S
+        """How long a service and its answer are waited for, each."""
         self._executor = executor
         self._should_stop = should_stop
         self._clients: dict[str, Any] = {}
@@ -150,10 +156,9 @@ class RemoteNode:
         return "" if result.successful else str(result.reason)
 
     def _awaited(self, is_done: Callable[[], bool]) -> bool:
-        """Spin until a condition holds, or for a minute; return whether it holds."""
-        clock = self.node.get_clock()
-        end = clock.now().nanoseconds + int(_PATIENCE_S * 1e9)
-        while not is_done() and not self._should_stop() and clock.now().nanoseconds < end:
+        """Spin until a condition holds or patience ends; return whether it holds."""
+        end_s = time.monotonic() + self.patience_s
+        while not is_done() and not self._should_stop() and time.monotonic() < end_s:
             self._executor.spin_once(timeout_sec=0.05)
         return is_done()
 
@@ -173,6 +178,8 @@ class LiveView:
         self._shown_revision = -1
         self.ticks: deque[Moment] = deque(maxlen=_WAY_TICKS)
         self._count = 0
+        self._heard_s = time.monotonic()
+        self._is_silent = False
         self.sliders: dict[str, Any] = {}
         """The handles of the sliders, by the paths of their parameters."""
         self._reader = SceneReader(parameters, self._show, has_camera_info=True, is_live=True)
@@ -181,9 +188,15 @@ class LiveView:
         except InvalidTopicNameException as cause:
             raise NodeError(f"{remote.name} names a topic that ROS 2 has not: {cause}") from cause
         self._add_controls()
+        remote.patience_s = _ANSWER_S
 
     def work(self) -> None:
         """Carry out the requests from the browser, and show the answers there."""
+        if self.ticks and not self._is_silent and time.monotonic() - self._heard_s > _SILENCE_S:
+            self._is_silent = True
+            self._counts.content = (
+                f"nothing comes from {self._remote.name}: it has ended, or its clock stands still"
+            )
         while True:
             try:
                 request = self._requests.get_nowait()
@@ -235,6 +248,10 @@ class LiveView:
             self._draw_place(tick)
         if self._scene is None:
             return
+        self._heard_s = time.monotonic()
+        if self._is_silent:  # it may be another node, with parameters of its own
+            self._is_silent = False
+            self._request(self._read_parameters)
         self.ticks.append(tick)
         self._count += 1
         with self._server.atomic():
@@ -280,7 +297,7 @@ class LiveView:
             rows = self._labels()
             self._label = gui.add_dropdown("which", tuple(rows), initial_value=rows[0])
             clicks = gui.add_checkbox("a click on the ground places it", False)
-            clicks.on_update(lambda _: self._take_clicks(is_on=clicks.value))
+            clicks.on_update(lambda _: self.take_clicks(is_on=clicks.value))
         with gui.add_folder("layers"):
             self._layers = {name: gui.add_checkbox(name, True) for name in LAYERS}
         for name, box in self._layers.items():
@@ -323,11 +340,21 @@ class LiveView:
         if event.node != self._remote.name:
             return
         for parameter in event.changed_parameters:
-            slider = self.sliders.get(parameter.name)
-            if slider is not None:
-                value = type(slider.value)(parameter_value_to_python(parameter.value))
-                slider.min, slider.max = min(slider.min, value), max(slider.max, value)
-                slider.value = value
+            if parameter.name in self.sliders:
+                self._move_slider(parameter.name, parameter_value_to_python(parameter.value))
+
+    def _move_slider(self, path: str, value: float) -> None:
+        slider = self.sliders[path]
+        value = type(slider.value)(value)
+        slider.min, slider.max = min(slider.min, value), max(slider.max, value)
+        slider.value = value
+
+    def _read_parameters(self) -> str:
+        """Move all sliders to the parameters of the node."""
+        parameters = self._remote.parameters()
+        for path in self.sliders:
+            self._move_slider(path, value_at(parameters, path))
+        return f"{self._remote.name} is there again"
 
     def _ask_pause(self, *, is_paused: bool) -> None:
         self._request(lambda: self.pause(is_paused=is_paused))
@@ -356,10 +383,11 @@ class LiveView:
             return ["any"]
         return ["any", *catalogue.class_names, *dict.fromkeys(r.label for r in catalogue.rows)]
 
-    def _take_clicks(self, *, is_on: bool) -> None:
+    def take_clicks(self, *, is_on: bool) -> None:
+        """Let a click on the ground place an artefact, or not any more."""
         scene = self._server.scene
         if is_on:
-            scene.on_click(lambda event: self.clicked(event.ray_origin, event.ray_direction))
+            scene.on_click()(lambda event: self.clicked(event.ray_origin, event.ray_direction))
         else:
             scene.remove_click_callback()
 

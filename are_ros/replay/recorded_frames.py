@@ -117,6 +117,11 @@ class RecordedRobot(RecordedFrames):
         """Why the pose of the robot that was asked for last is not known, empty if it is."""
         return self._tracker.missing
 
+    def forget_after(self, now_ns: int) -> None:
+        """Forget transforms later than `now_ns`, and the robot's pose: the clock jumped back."""
+        self.tree.forget_after(now_ns)
+        self._tracker.forget()
+
     def poses(self, now_ns: int) -> tuple[RigidTransform | None, RigidTransform | None]:
         """Return map_from_base and map_from_camera as of a tick, None where not known."""
         pose = self._tracker.pose(now_ns)

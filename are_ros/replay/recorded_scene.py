@@ -151,6 +151,7 @@ class SceneReader:
         self._scans = _ScanKeeper(parameters.frames.map)
         self._waiting: deque[tuple[Moment, Camera | None]] = deque()
         self._perceived: OrderedDict[int, frozenset[int]] = OrderedDict()
+        self._last_ns = -1
         self._listed_ns = -1
         """The stamp of the last list of the perceived: those of ticks before it have come."""
         self._metrics: OrderedDict[int, SceneMetrics] = OrderedDict()
@@ -212,12 +213,26 @@ class SceneReader:
             return None
 
     def _take_artefacts(self, scene: Scene) -> None:
+        if scene.stamp_ns < self._last_ns:
+            self._begin_anew(scene.stamp_ns)
+        self._last_ns = scene.stamp_ns
         artefacts = [self._artefact(scene, i) for i in range(len(scene.ids))]
         poses, scans = self._robot.poses(scene.stamp_ns), self._scans.take(self._robot.tree)
         others = self._robot.others(scene.stamp_ns)
         moment = Moment(scene.stamp_ns, artefacts, frozenset(), *poses, scans=scans, others=others)
         self._waiting.append((moment, self._robot.camera))
         self._give()
+
+    def _begin_anew(self, now_ns: int) -> None:
+        """Forget what is later than a tick: the clock jumped back to it."""
+        self.finish()
+        self._robot.forget_after(now_ns)
+        self._scans.forget()
+        for told in (self._perceived, self._metrics):
+            for late_ns in [stamp_ns for stamp_ns in told if stamp_ns > now_ns]:
+                del told[late_ns]
+        self._listed_ns = max(self._perceived, default=-1)
+        self._events = [event for event in self._events if event.stamp_ns <= now_ns]
 
     def _artefact(self, scene: Scene, i: int) -> ArtefactAt:
         x_m, y_m, z_m, *_, z, w = scene.ground_poses[i].tolist()
@@ -290,6 +305,11 @@ class _ScanKeeper:
         self._map_frame = map_frame
         self.inputs: OrderedDict[tuple[int, str], LaserScan] = OrderedDict()
         self.outputs: OrderedDict[tuple[int, str], LaserScan] = OrderedDict()
+
+    def forget(self) -> None:
+        """Forget all scans: the clock jumped back."""
+        self.inputs.clear()
+        self.outputs.clear()
 
     def take(self, frames: FrameTree) -> tuple[ScanPoints, ...]:
         """Return the newest scan of each frame that can be placed, and forget all before it."""

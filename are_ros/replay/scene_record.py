@@ -113,6 +113,7 @@ class SceneRecorder:
         self._blind_ticks = 0
         self._metrics: SceneMetrics | None = None
         self._scans: dict[int, Sequence[ScanPoints]] = {}
+        self._newest_scans: Sequence[ScanPoints] = ()
         self._scans_every = 1
         self._others: dict[int, Sequence[CameraAt]] = {}
         self._present: set[int] = set()
@@ -151,8 +152,9 @@ class SceneRecorder:
 
     def keep(self, moment: Moment, camera: Camera | None) -> None:
         """Take a tick in the form that is kept."""
-        if moment.scans and self.wants_scans:
-            self._scans[moment.stamp_ns] = moment.scans
+        self._newest_scans = moment.scans or self._newest_scans
+        if self._newest_scans and self.wants_scans:
+            self._scans[moment.stamp_ns], self._newest_scans = self._newest_scans, ()
         for one in moment.artefacts:
             self._rows.setdefault(one.row.label, one.row)
         self._add_events(moment.events)
@@ -196,11 +198,14 @@ class SceneRecorder:
         )
 
     def _thin_scans(self) -> None:
-        """Drop the scans of ticks that the viewer does not show in a run of this length."""
+        """Move scans of ticks that the viewer does not show in a run of this length to the next."""
         stamps, every = self._counts[0], shown_every(len(self._clutter))
         if every > self._scans_every:
-            shown = (stamp_ns for stamp_ns in stamps[::every] if stamp_ns in self._scans)
-            self._scans = {stamp_ns: self._scans[stamp_ns] for stamp_ns in shown}
+            before, self._scans = self._scans, {}
+            for number, stamp_ns in enumerate(stamps):
+                shown = -(-number // every) * every
+                if stamp_ns in before and shown < len(stamps):
+                    self._scans[stamps[shown]] = before[stamp_ns]
             self._scans_every = every
 
     def _add_events(self, events: Sequence[ArtefactEvent]) -> None:

@@ -224,6 +224,63 @@ def test_a_long_recording_is_thinned_evenly() -> None:
     assert len(record.scans) == len(shown)
 
 
+def test_scans_of_ticks_that_are_left_out_are_shown_at_the_next() -> None:
+    """A laser at half the rate of the ticks has its scans at ticks that are not shown, say."""
+    recorder, count = SceneRecorder(Parameters(), Catalogue(())), MOST_TICKS + 40
+    for number in range(count):
+        taken = tick(number)
+        recorder.keep(taken if number % 2 else replace(taken, scans=()), None)
+    shown = [*recorder.record().moments(2)]
+    assert shown_every(count) == 2
+    assert not shown[0].scans
+    assert all(len(one.scans) == 1 for one in shown[1:])
+
+
+@needs_viser
+def test_a_scan_is_shown_until_the_next_one() -> None:
+    """For at most a second: a laser may be slower than the ticks, or end."""
+    server = viewer.start_server(0)
+    try:
+        scene, seen = viewer.ViewedScene(server.scene, place()), []
+        for number in range(40):
+            taken = tick(number)
+            has_scan = number % 3 == 0 and number < 20
+            scene.show(taken if has_scan else replace(taken, scans=()))
+            handle = server.scene.get_handle_by_name("/scans/real")
+            seen.append(handle is not None and handle.visible)
+    finally:
+        viewer.stop_server(server)
+    assert seen == [True] * 28 + [False] * 12
+
+
+@needs_viser
+@needs_browser
+def test_what_is_switched_off_stays_off(tmp_path: Path) -> None:
+    """The robot, whose pose comes late; and the space bar pauses after a click on a box."""
+    recorder = SceneRecorder(Parameters(), Catalogue(()))
+    for number in range(TICKS):
+        taken = tick(number)
+        recorder.keep(taken if number > 8 else replace(taken, map_from_base=None), None)
+    write_view(tmp_path / "view.html", place(), recorder.record(), "late")
+    url, box = (tmp_path / "view.html").as_uri(), "document.querySelector('[data-node=\"/robot\"]')"
+    with open_page(url, tmp_path / "profile", 640, 480) as page:
+        page.wait(f"!!document.querySelector('{PAUSE}')")
+        page.wait("!!window.__viserSceneTree")
+        page.wait("'/robot/base' in window.__viserSceneTree.getState()")
+        left, top = page.run(f"[{box}.getBoundingClientRect()].map(at => [at.left, at.top])[0]")
+        page.click(left + 6, top + 6)
+        assert page.run(f"{box}.checked") is False
+        page.press(" ", "Space")
+        page.wait(f"!document.querySelector('{PAUSE}')")
+        assert page.run(f"{box}.checked") is False
+        page.run("document.getElementById('are').open = false")  # it lies on the time line
+        for share in (0.1, 0.9):
+            go_to(page, share)
+            settled(page)
+            state = "window.__viserSceneTree.getState()['/robot/base']"
+            assert page.run(f"[{state}.visibility, {state}.effectiveVisibility]") == [True, False]
+
+
 def test_the_record_gives_the_ticks_back() -> None:
     """Artefacts, poses and scans are those that were taken."""
     for number, told in enumerate(ticks().moments()):

@@ -1,6 +1,7 @@
 """Tests of the scene that a recording tells of."""
 
 import json
+import math
 import shutil
 from pathlib import Path
 
@@ -8,10 +9,19 @@ import numpy as np
 import pytest
 
 from are_ros.bag.recording import Recording, find_recording
+from are_ros.conventions import NS_PER_S
+from are_ros.draw.scene import Moment
 from are_ros.errors import BagError
+from are_ros.parameters.model import Parameters
 from are_ros.replay.pictures import draw_recording
-from are_ros.replay.recorded_scene import RecordedScene, SceneReader, read_recorded_scene
+from are_ros.replay.recorded_scene import (
+    AUGMENTED_SCAN,
+    RecordedScene,
+    SceneReader,
+    read_recorded_scene,
+)
 from are_ros.replay.results import metrics_content
+from are_ros.world.cameras import Camera
 from tests.checks.test_live import Tape
 from tests.replay.conftest import ReplaySample, RunAre
 
@@ -106,6 +116,33 @@ def test_the_live_view_shows_the_perceived_of_each_round_of_a_loop(sample_replay
     first, second = shown[: len(shown) // 2], shown[len(shown) // 2 :]
     assert any(perceived for _, perceived in first)
     assert second[1:] == first[1:]
+
+
+def test_the_live_view_shows_the_robot_of_each_round_of_a_loop(
+    sample_replay: Path, tmp_path: Path
+) -> None:
+    """Also where a round is longer than transforms are kept."""
+    rounds = (Tape.of(sample_replay).later(60 * NS_PER_S).write(tmp_path / "late"), sample_replay)
+    poses: list[list[tuple[float, ...]]] = []
+
+    def keep(moment: Moment, _: Camera | None) -> None:
+        base = moment.map_from_base
+        place = (math.nan,) * 3 if base is None else tuple(base.translation_m.tolist())
+        poses[-1].append((moment.stamp_ns, *place, len(moment.scans)))
+
+    names = {f"/ar_builder/{name}": name for name in ("artefacts", "perceived", "scan")}
+    names |= {"/tf": "tf", "/tf_static": "tf_static", "/odom": "odom", "/scan": "scan"}
+    roles = names | {"/ar_builder/scan": AUGMENTED_SCAN}
+    for folders in (rounds[1:], rounds):
+        reader = SceneReader(Parameters(), keep, has_camera_info=False, is_live=True)
+        for folder in folders:
+            poses.append([])
+            with Recording(find_recording(folder)) as recording:
+                for message in recording.messages(names):
+                    reader.take(roles[message.topic], recording.decode(message))
+    alone, _, again = np.array(poses[0]), poses[1], np.array(poses[2])
+    assert np.isfinite(alone[-60:]).all()
+    np.testing.assert_array_equal(again[-60:], alone[-60:])
 
 
 def test_of_a_looped_recording_the_first_pass_is_seen(
