@@ -277,8 +277,8 @@ def test_what_is_switched_off_stays_off(tmp_path: Path) -> None:
         for share in (0.1, 0.9):
             go_to(page, share)
             settled(page)
-            state = "window.__viserSceneTree.getState()['/robot/base']"
-            assert page.run(f"[{state}.visibility, {state}.effectiveVisibility]") == [True, False]
+        state = "window.__viserSceneTree.getState()['/robot/base']"
+        assert page.run(f"[{state}.visibility, {state}.effectiveVisibility]") == [True, False]
 
 
 def test_the_record_gives_the_ticks_back() -> None:
