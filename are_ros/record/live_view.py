@@ -194,7 +194,7 @@ class LiveView:
         """Carry out the requests from the browser, and show the answers there."""
         if self.ticks and not self._is_silent and time.monotonic() - self._heard_s > _SILENCE_S:
             self._is_silent = True
-            self._counts.content = (
+            self.counts.content = (
                 f"nothing comes from {self._remote.name}: it has ended, or its clock stands still"
             )
         while True:
@@ -259,7 +259,7 @@ class LiveView:
             if self._count % _DRAW_WAYS_EVERY == 0:
                 self._scene.draw_ways(list(self.ticks))
         counts = len(tick.artefacts), len(tick.perceived)
-        self._counts.content = "{} artefacts, {} perceived".format(*counts)
+        self.counts.content = "{} artefacts, {} perceived".format(*counts)
         if self._follows_camera.value and tick.map_from_camera is not None:
             self._look_through(tick.map_from_camera)
 
@@ -286,7 +286,8 @@ class LiveView:
 
     def _add_controls(self) -> None:
         gui = self._server.gui
-        self._counts = gui.add_markdown("waiting for the map and the node's artefacts")
+        self.counts = gui.add_markdown("waiting for the map and the node's artefacts")
+        """What is shown, or why nothing is: the first text of the page."""
         self._status = gui.add_markdown("")
         artefacts = gui.add_button_group(
             "artefacts", (_PAUSE, "go on"), hint="The node's service ~/pause."

@@ -66,7 +66,11 @@ def test_it_shows_the_running_node_and_changes_what_can_change(ros_available: No
     del ros_available
     node = ("node", "--params", SAMPLE.with_suffix(".yaml"), "--use-sim-time")
     play = ("play", SAMPLE, "--loop", "--rate", 1, "--wait-for", "/ar_builder")
-    with running(*node), running(*play), looking() as (live, remote, until):
+    with (
+        running(*node) as process,
+        running(*play),
+        looking() as (live, remote, until),
+    ):
         server = live._server
         until(lambda: bool(live.ticks) and len(live.ticks[-1].artefacts) > 0)
         until(lambda: any(tick.map_from_base is not None for tick in live.ticks))
@@ -89,6 +93,12 @@ def test_it_shows_the_running_node_and_changes_what_can_change(ros_available: No
 
         assert "paused" in live.pause(is_paused=True)
         until(lambda: len(live.ticks[-1].artefacts) == 0)
+
+        process.terminate()
+        until(lambda: live.counts.content.startswith("nothing comes from /ar_builder: "))
+        with running(*node, "--set", "population.mean_life:=55.0"):
+            until(lambda: live.sliders["population.mean_life"].value == pytest.approx(55.0))
+            assert live.answer == "/ar_builder is there again"
 
 
 @needs_viser
