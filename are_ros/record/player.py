@@ -177,8 +177,10 @@ def play(
         if not topics.publishers:
             raise BagError("nothing is left to play of the recording")
         if outputs := sum(PREFIX in topic for topic in topics.publishers):
-            name = f"{counted(outputs, 'output topic')} of {PREFIX.strip('/')}"
-            say(f"{name} in the recording, too: beside a live node each message would come twice")
+            say(
+                f"the recording holds {counted(outputs, 'output topic')} of {PREFIX.strip('/')}, "
+                "played too: beside a live node its messages would come between that one's"
+            )
         clock = ClockPublisher(node, options.clock_hz)
         pace: Pace = RealTimePace(options.rate, should_stop)
         if options.lockstep:

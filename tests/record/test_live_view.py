@@ -66,12 +66,7 @@ def test_it_shows_the_running_node_and_changes_what_can_change(ros_available: No
     del ros_available
     node = ("node", "--params", SAMPLE.with_suffix(".yaml"), "--use-sim-time")
     play = ("play", SAMPLE, "--loop", "--rate", 1, "--wait-for", "/ar_builder")
-    with (
-        running(*node) as process,
-        running(*play),
-        looking() as (live, remote, until),
-    ):
-        server = live._server
+    with running(*node) as process, running(*play), looking() as (live, remote, until):
         until(lambda: bool(live.ticks) and len(live.ticks[-1].artefacts) > 0)
         until(lambda: any(tick.map_from_base is not None for tick in live.ticks))
         until(lambda: any(tick.map_from_camera is not None for tick in live.ticks))
@@ -85,7 +80,7 @@ def test_it_shows_the_running_node_and_changes_what_can_change(ros_available: No
         until(lambda: live.sliders["population.mean_life"].value == pytest.approx(1e6))
 
         live.take_clicks(is_on=True)
-        (entry,) = server.scene._scene_pointer_cb  # viser calls it for the click of a browser
+        (entry,) = live._server.scene._scene_pointer_cb  # viser calls it for the click of a browser
         entry.callback(SimpleNamespace(ray_origin=(0.0, 0.0, 5.0), ray_direction=(0.0, 0.0, -1.0)))
         until(lambda: live.answer != "")
         # The place may be taken: then the node refuses, and the reason names the place.

@@ -347,7 +347,7 @@ def test_outputs_of_a_node_are_played_and_named(ros: RosWorld, tmp_path: Path) -
         alone = played(bag, exclude=("/one/ar_builder/events",), **FAST)
         ros.spin_until(lambda: bool(heard))
     (sentence,) = [one for one in run.sentences if "ar_builder" in one]
-    assert sentence.startswith("1 output topic of ar_builder in the recording, too: ")
+    assert sentence.startswith("the recording holds 1 output topic of ar_builder, played too: ")
     assert not [one for one in alone.sentences if "ar_builder" in one]
 
 
