@@ -254,6 +254,10 @@ _BESIDE: Final = 2e-5
 """Rays so far beside one of a pixel, per metre of depth, are as good: about a hundredth of a pixel.
 At an edge they may meet something else, and rounding decides."""
 
+_EXACTLY: Final = 1e-9
+"""Where rays so close meet something else, a pixel lies on an edge, and either number is right: a
+camera that is as high as a flat top has such pixels in a whole row."""
+
 _SLACK: Final = 1.5e-5
 """By such a share of its size a triangle may be met beside it: bodies are without cracks, for which
 their triangles overlap by a hundred thousandth."""
@@ -265,8 +269,9 @@ _ALIKE: Final = 1e-4
 class Difference(NamedTuple):
     """How an image differs from the one computed anew: numbers of pixels.
 
-    `tested` of them have a ray. `by_a_step` differ by one step of the encoding. `at_edges` are as
-    a ray has it that is a hundredth of a pixel beside theirs, or a triangle's edge; `others` not.
+    `tested` of them have a ray, and do not lie exactly on an edge. `by_a_step` differ by one step
+    of the encoding. `at_edges` are as a ray has it that is a hundredth of a pixel beside theirs, or
+    a triangle's edge; `others` not.
     The first of those is at `place` (row, column), (-1, -1) if there is none.
     """
 
@@ -382,8 +387,11 @@ def compared(
         is_near = is_hit & (np.abs(found - wanted) <= 3.0 * step)
     differs = ~is_same & ~is_doubtful
     by_a_step, others = differs & is_near, differs & ~is_near
-    at_edges = np.zeros_like(others)
-    at_edges[others] = _is_beside(real, output, rays, scene, others)
+    on_edges, at_edges = np.zeros_like(others), np.zeros_like(others)
+    on_edges[others] = _is_beside(real, output, rays, scene, others, _EXACTLY, 0.0)
+    is_doubtful |= on_edges
+    others &= ~on_edges
+    at_edges[others] = _is_beside(real, output, rays, scene, others, _BESIDE, _SLACK)
     others &= ~at_edges
     place = (-1, -1)
     if others.any():
@@ -437,15 +445,20 @@ def _is_beside(
     rays: Floats,
     scene: _Scene,
     which: Bools,
+    beside: float,
+    slack: float,
 ) -> Bools:
-    """Return which of some pixels (M,) have the number that a ray close beside theirs has."""
+    """Return which of some pixels (M,) have the number that a ray `beside` theirs has.
+
+    `slack` as in `nearest_depths`.
+    """
     depths_m, found = real.depths_m[which][None], output.numbers[which].astype(np.float64)
     is_kept = found == real.numbers[which]
     is_beside = np.zeros(len(found), np.bool_)
     if not len(found):
         return is_beside
-    for x, y in itertools.product((-_BESIDE, 0.0, _BESIDE), repeat=2):
-        hits_m = scene.hits(rays[which][None] + (x, y, 0.0), depths_m, _SLACK)[0][0]
+    for x, y in itertools.product((-beside, 0.0, beside), repeat=2):
+        hits_m = scene.hits(rays[which][None] + (x, y, 0.0), depths_m, slack)[0][0]
         is_hit = np.isfinite(hits_m)
         numbers = real.numbers_of(np.where(is_hit, hits_m, 1.0))
         step = 0.0 if real.numbers.dtype.kind == "f" else 0.5

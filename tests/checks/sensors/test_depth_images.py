@@ -123,6 +123,24 @@ def test_what_a_ray_close_beside_meets_is_at_an_edge(
     assert found[2:4] == difference
 
 
+@pytest.mark.parametrize("is_met", [True, False])
+def test_a_pixel_exactly_on_an_edge_has_either_number(is_met: bool) -> None:
+    """A camera as high as a flat top: rounding decides for a whole row, and none is a fault."""
+    camera = info()
+    camera.k[5] = 12.0
+    rays = rays_of(camera, rectified=False)
+    box = box_triangles() * (0.4, 0.3, 0.2) + (0.1, 0.3, 3.0)
+    real = frame(np.full((24, 32), 4.0))
+    numbers = real.numbers.copy()
+    numbers[np.isfinite(nearest_depths(rays, HERE, [box]))] = 2800
+    numbers[12, 12:23] = 2800 if is_met else 4000
+    found = compared(real, replace(real, numbers=numbers), rays, HERE, [box], 10.0, None)
+    assert found[1:4] == (0, 0, 0)
+    numbers[13, 12:23] = 4000
+    found = compared(real, replace(real, numbers=numbers), rays, HERE, [box], 10.0, None)
+    assert found[1:4] == (0, 0, 11)
+
+
 def test_walls_hide_from_holes_only() -> None:
     """A wall at 2 m: the hole stays, returns prove that there is none."""
     real, output = scene()
