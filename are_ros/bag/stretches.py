@@ -6,7 +6,7 @@ skips it, and begins anew after it.
 """
 
 from collections import defaultdict, deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
@@ -25,6 +25,8 @@ GAP_NS: Final = IDLE_NS
 """The time after which the simulation stands still without an input."""
 _STRAY_NS: Final = NS_PER_S
 """A shorter stretch of movement with gaps on both sides is left out."""
+_SILENCE_NS: Final = 10 * NS_PER_S
+"""A shorter time without a moving message is not worth a sentence."""
 _SHOWN_GAPS: Final = 3
 _REACH: Final = 0.75
 """A scan may wait for this share of `poses.history`; the rest is for its own delay."""
@@ -47,13 +49,15 @@ class Stretches:
     """The spans [start, stop) of the log [ns] that are replayed, in order, and the gaps.
 
     `ahead` and `behind` are the gaps before the first and after the last span, if any. There is no
-    span where the whole window lies in one gap.
+    span where the whole window lies in one gap. `silences` are replayed: times within the spans
+    that are too short for a gap.
     """
 
     spans: tuple[Span, ...]
     gaps: tuple[Gap, ...]
     ahead: Gap | None = None
     behind: Gap | None = None
+    silences: tuple[Gap, ...] = ()
 
     def all_gaps(self) -> tuple[Gap, ...]:
         """Return the gaps, those before and after all spans among them."""
@@ -65,22 +69,30 @@ class Stretches:
         if self.ahead is not None:
             said.append(stillness_ahead(self.ahead.length_ns, "the replay"))
         if self.gaps:
-            gaps = [
-                f"{duration_text(gap.length_ns)} long, {duration_text(gap.start_ns - begin_ns)}"
-                " into it"
-                for gap in self.gaps
-            ]
-            more = [f"{len(gaps) - _SHOWN_GAPS} more"] if len(gaps) > _SHOWN_GAPS else []
-            listed = "; ".join([*gaps[:_SHOWN_GAPS], *more])
-            it, has = ("it", "a gap") if len(gaps) == 1 else ("them", counted(len(gaps), "gap"))
+            it = "it" if len(self.gaps) == 1 else "them"
             said.append(
-                f"the recording has {has} in which nothing moves ({listed}): the replay leaves "
+                f"the recording has {_listed(self.gaps, 'gap', begin_ns)}: the replay leaves "
                 f"{it} out, and all artefacts go before {it}"
+            )
+        if self.silences:
+            said.append(
+                f"the recording has {_listed(self.silences, 'pause', begin_ns)}: less than a "
+                "minute is replayed, and the artefacts move on in it"
             )
         if self.behind is not None:
             length = duration_text(self.behind.length_ns)
             said.append(f"nothing moves in the last {length}: the replay ends before them")
         return said
+
+
+def _listed(gaps: Sequence[Gap], noun: str, begin_ns: int) -> str:
+    texts = [
+        f"{duration_text(gap.length_ns)} long, {duration_text(gap.start_ns - begin_ns)} into it"
+        for gap in gaps
+    ]
+    more = [f"{len(gaps) - _SHOWN_GAPS} more"] if len(gaps) > _SHOWN_GAPS else []
+    has = f"a {noun}" if len(gaps) == 1 else counted(len(gaps), noun)
+    return f"{has} in which nothing moves ({'; '.join([*texts[:_SHOWN_GAPS], *more])})"
 
 
 @dataclass(frozen=True)
@@ -149,7 +161,8 @@ def stretches_of(times: RecordedTimes, clock: BagClock, start_ns: int, stop_ns: 
             return Stretches((), (gap(start_ns, stop_ns),))
         return Stretches(((start_ns, stop_ns),), ())
     edges_ns = np.concatenate(([since_ns], log_ns, [next_ns]))
-    is_gap = np.diff(clock.at_many(edges_ns)) >= GAP_NS
+    lengths_ns = np.diff(clock.at_many(edges_ns))
+    is_gap = lengths_ns >= GAP_NS
     first = np.flatnonzero(is_gap[:-1] | (np.arange(len(log_ns)) == 0))
     last = np.append(first[1:], len(log_ns)) - 1
     starts, stops = log_ns[first], log_ns[last] + 1
@@ -163,11 +176,16 @@ def stretches_of(times: RecordedTimes, clock: BagClock, start_ns: int, stop_ns: 
 
     spans = list(zip(starts.tolist(), stops.tolist(), strict=True))
     begin_ns, end_ns = spans[0][0], spans[-1][1]
+    silent = np.flatnonzero((lengths_ns >= _SILENCE_NS) & ~is_gap)
+    silences = (gap(*edges_ns[k : k + 2].tolist()) for k in silent.tolist())
     return Stretches(
         spans=tuple(spans),
         gaps=tuple(gap(one[1], other[0]) for one, other in pairwise(spans)),
         ahead=gap(start_ns, begin_ns) if begin_ns > start_ns else None,
         behind=gap(end_ns, stop_ns) if end_ns < stop_ns else None,
+        silences=tuple(
+            one for one in silences if begin_ns <= one.start_ns and one.stop_ns < end_ns
+        ),
     )
 
 

@@ -62,13 +62,20 @@ def test_gaps_strays_and_ends() -> None:
 
 
 def test_a_pause_of_less_than_a_minute_is_no_gap() -> None:
-    """Fifty-nine seconds are replayed, sixty-one are not."""
-    for pause_s, spans in ((59, 1), (61, 2)):
+    """Fifty-nine seconds are replayed, sixty-one are not; from ten seconds on, it is said."""
+    for pause_s, spans, said in (
+        (59, 1, "a pause"),
+        (61, 2, "a gap"),
+        (10, 1, "a pause"),
+        (9, 1, ""),
+    ):
         again_ns = 10 * S + pause_s * S
         moving = np.concatenate((every(S, 0, 11 * S), every(S, again_ns, again_ns + 10 * S)))
         times = times_of(moving)
         found = stretches_of(times, BagClock.of(times), 0, int(moving[-1]) + 1)
         assert len(found.spans) == spans
+        text = f"{said} in which nothing moves ({pause_s}"
+        assert [text in sentence for sentence in found.sentences(0)] == ([True] if said else [])
 
 
 def test_a_window_that_ends_in_a_gap_ends_with_what_moves() -> None:
