@@ -127,6 +127,8 @@ class NodeSnapshot:
     uses_sim_time: bool = False
     is_without_clock: bool = False
     """It uses simulated time, and no /clock has come yet."""
+    clocks: int = 0
+    """How many publish the /clock that it uses; 0 unless there have been several for a while."""
     stamps_ahead_s: float | None = None
     """How much later than the node's time the newest transform is stamped; None without one."""
     inputs: tuple[InputSnapshot, ...] = ()
@@ -325,7 +327,12 @@ def _clock(snapshot: NodeSnapshot) -> Status:
 
 
 def clock_doubt(snapshot: NodeSnapshot) -> str:
-    """Return a warning if stamps and the node's clock differ by days; else ""."""
+    """Return a warning about two clocks, or one that differs from stamps by days; else ""."""
+    if snapshot.clocks > 1:
+        return (
+            f"{snapshot.clocks} publishers give /clock (two players, or a simulator and a player): "
+            "the time jumps to and fro between them; end all but one"
+        )
     ahead_s = snapshot.stamps_ahead_s
     if ahead_s is None or abs(ahead_s) < _OTHER_TIMES_S:
         return ""
@@ -476,8 +483,8 @@ def _sensor(sensor: SensorSnapshot) -> Status:
 
 
 _NEVER_NS: Final = -(2**63)
-_NAMESAKE_S: Final = 30.0
-"""DDS forgets a process that was killed after up to 20 s; this node may be its successor."""
+_KILLED_S: Final = 30.0
+"""DDS forgets a process that was killed after up to 20 s; its successor is no second one."""
 
 
 class Reporter:
@@ -495,7 +502,8 @@ class Reporter:
         self._blocked, self._arrived = CountWatch(MINUTE_NS), CountWatch(MINUTE_NS)
         self._passed: dict[str, CountWatch] = {}
         self._last_contact, self._contact_ns = "", _NEVER_NS
-        self._has_namesake, self._is_lost = Lasting(_NAMESAKE_S), Lasting(GRACE_S)
+        self._has_namesake, self._has_clocks = Lasting(_KILLED_S), Lasting(_KILLED_S)
+        self._is_lost = Lasting(GRACE_S)
         self.doubts: tuple[str, ...] = ()
         """Warnings for the log: about the clock, the node's name, and what does not come."""
         self._without_robot = ""
@@ -529,6 +537,7 @@ class Reporter:
             busy_ms=busy_ms,
             uses_sim_time=uses_sim_time,
             is_without_clock=uses_sim_time and not stamp_ns,
+            clocks=self._clocks(now_ns) if uses_sim_time else 0,
             inputs=tuple(subscriptions.snapshots(now_ns)) if subscriptions else (),
             **(self._of_builder(live, now_ns) if live else {}),
         )
@@ -546,6 +555,11 @@ class Reporter:
         is_shared = self._node.get_node_names_and_namespaces().count(own) > 1
         is_lasting = self._has_namesake.see(now_ns, holds=is_shared)
         return self._node.get_fully_qualified_name() if is_lasting else ""
+
+    def _clocks(self, now_ns: int) -> int:
+        """Return how many publish /clock; 0 unless there have been several for a while."""
+        clocks = self._node.count_publishers("/clock")
+        return clocks if self._has_clocks.see(now_ns, holds=clocks > 1) else 0
 
     def _state(self, live: LiveBuilder | None) -> NodeState:
         if self.is_shut_down:

@@ -191,6 +191,15 @@ TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
         "use_sim_time is true, but nothing came on /clock: the time stands still",
     ),
     (
+        {"uses_sim_time": True, "clocks": 2},
+        "clock",
+        Level.ERROR,
+        (
+            "2 publishers give /clock (two players, or a simulator and a player): the time jumps "
+            "to and fro between them; end all but one"
+        ),
+    ),
+    (
         {"stamps_ahead_s": -3.15e7 * 54},
         "clock",
         Level.ERROR,

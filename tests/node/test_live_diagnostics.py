@@ -10,6 +10,8 @@ from tests.ros import NOT_SET_UP, RosWorld, running_ns, undisturbed
 
 pytest.importorskip("rclpy", reason=NOT_SET_UP)
 
+from rosgraph_msgs.msg import Clock
+
 from tests.node.live_bench import Bench
 from tests.node.live_scene import cloud, laser_mount, ns, pose_at, robot_at, room, scan, wall_voxels
 
@@ -173,6 +175,23 @@ def test_a_second_node_of_the_same_name_is_said(
     assert bench.warnings().count(sentence) == 1
     other.destroy_node()
     bench.until(lambda: said(bench, "state") == alone)
+
+
+def test_two_clocks_are_said(ros: RosWorld, bench: Bench, later: Later) -> None:
+    """Half a minute later, too: time jumps to and fro where two players give it."""
+    alone = said(bench, "clock")
+    assert alone[0] == OK
+    other = ros.make_node("player")
+    other.create_publisher(Clock, "/clock", 10)
+    ros.spin_until(lambda: bench.node.count_publishers("/clock") == 2)
+    assert said(bench, "clock") == alone
+    later(31.0)
+    bench.until(lambda: said(bench, "clock")[0] == ERROR)
+    sentence = said(bench, "clock")[1]
+    assert sentence.startswith("2 publishers give /clock (two players, ")
+    assert bench.warnings().count(sentence) == 1
+    other.destroy_node()
+    bench.until(lambda: said(bench, "clock") == alone)
 
 
 def test_transforms_that_stop_and_come_back(bench: Bench, later: Later) -> None:
