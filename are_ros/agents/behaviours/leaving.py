@@ -99,7 +99,7 @@ class WalkingOut:
         if self.exit_m is None:
             return stand("no way out")
         if situation.distance_m(self.exit_m) <= arrival_m(situation):
-            return stand("at the exit" if _is_at_exit(situation) else "out of sight")
+            return stand("at the exit")
         return self.intent(situation)
 
     def is_late_after(self, situation: Situation, wait_s: float) -> bool:
