@@ -68,14 +68,15 @@ def any_pair_overlaps(p: _FloatArray, pairs: _IndexArray, tolerance_m: float) ->
 @compiled
 def overlaps_any_of(p: _FloatArray, q: _FloatArray, tolerance_m: float) -> NDArray[np.bool_]:
     """Tell for each row of p whether it overlaps any row of q."""
-    out = np.zeros(p.shape[0], np.bool_)
+    out, count, first = np.zeros(p.shape[0], np.bool_), q.shape[0], 0
     for i in range(p.shape[0]):
         own_m = p[i, 5] + p[i, 6]
-        for j in range(q.shape[0]):
+        for k in range(first, first + count):
+            j = k - count if k >= count else k
             reach_m = own_m + q[j, 5] + q[j, 6]  # more than any of the corners has
             near = abs(q[j, 0] - p[i, 0]) < reach_m and abs(q[j, 1] - p[i, 1]) < reach_m
             if near and boxes_overlap(p, i, q, j, tolerance_m):
-                out[i] = True
+                out[i], first = True, j  # what the next box meets, too, if it is a neighbour
                 break
     return out
 
