@@ -114,6 +114,7 @@ _ROS2_SUFFIXES = (".mcap", ".db3")
 _COMPRESSED = (".zstd", ".zst")
 """Files of rosbag2's compression by file, which metadata.yaml tells."""
 _METADATA = "metadata.yaml"
+_ZSTD = b"\x28\xb5\x2f\xfd"
 _RESULT = "augmented.mcap"
 """The recording that replay and demo write into their folder."""
 
@@ -262,7 +263,6 @@ class _Part:
     start_ns: int
     stop_ns: int
     count: int
-    is_compressed: bool = False
 
     @classmethod
     def of(cls, path: Path, reader: Any) -> "list[_Part]":
@@ -272,13 +272,12 @@ class _Part:
             _check_complete(path)
             times = int(reader.start_time), int(reader.end_time)
             return [cls(path, reader, *times, reader.message_count)]
-        is_compressed = storage.metadata.compression_mode == "message"
         parts = []
         for file in {Path(file.path).name: file for file in storage.storages}.values():
             name, data = path / Path(file.path).name, file.metadata
             _check_complete(name)
             times = int(data.start_time), int(data.end_time)
-            parts.append(cls(name, file, *times, data.message_count, is_compressed))
+            parts.append(cls(name, file, *times, data.message_count))
         return parts
 
     def messages(
@@ -292,7 +291,7 @@ class _Part:
         with as_bag_errors(str(self.path)):
             for connection, log_time_ns, data in self.reader.messages(wanted, start_ns, stop_ns):
                 read += 1
-                plain = _decompressed(data) if self.is_compressed else data
+                plain = self._plain(data)
                 yield BagMessage(connection.topic, log_time_ns, plain, connection)
         promised = sum(connection.msgcount for connection in wanted)
         if start_ns is None and stop_ns is None and read < promised:
@@ -309,8 +308,19 @@ class _Part:
         with as_bag_errors(str(self.path)):
             names = {number: one.topic for number, one in wanted.items()}
             for number, log_time_ns, data in messages_in_file_order(file, names):
-                plain = _decompressed(data) if self.is_compressed else data
+                plain = self._plain(data)
                 yield BagMessage(wanted[number].topic, log_time_ns, plain, wanted[number])
+
+    def _plain(self, data: bytes) -> bytes:
+        """Return a message as it was before rosbag2 compressed it.
+
+        The metadata, which may be missing, say so; but no CDR begins as zstd's frames do.
+        """
+        if self.path.suffix == ".bag" or not data.startswith(_ZSTD):
+            return data
+        from zstandard import ZstdDecompressor
+
+        return ZstdDecompressor().decompressobj().decompress(data)
 
     def jump_back(self, topics: Collection[str], start_ns: int, stop_ns: int) -> JumpBack | None:
         """Return where the log times of topics jump back in the file, None where nowhere."""
@@ -326,12 +336,6 @@ def _check_complete(path: Path) -> None:
             f"{path}: the last messages are in {rest.name} still (the recorder runs, or was"
             f" killed); `sqlite3 {path.name} 'PRAGMA wal_checkpoint(TRUNCATE)'` moves them"
         )
-
-
-def _decompressed(data: bytes) -> bytes:
-    from zstandard import ZstdDecompressor
-
-    return ZstdDecompressor().decompressobj().decompress(data)
 
 
 def _lanes(parts: Sequence[_Part]) -> list[list[int]]:

@@ -4,7 +4,7 @@ import csv
 import math
 from collections import Counter, deque
 from pathlib import Path
-from typing import Any, Final, NamedTuple, TextIO
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -48,12 +48,10 @@ class Label(NamedTuple):
 class KittiWriter:
     """Writes a frame for each augmented cloud whose time, poses and camera are known."""
 
-    def __init__(self, folder: Path, index: TextIO) -> None:
-        """Take the folder, and the file for the list of frames."""
+    def __init__(self, folder: Path) -> None:
+        """Take the folder, which is made with the first frame."""
         self.frames = self.boxes = 0
         self._folder = folder
-        self._table = csv.writer(index)
-        self._table.writerow(("frame", "stamp_ns"))
 
     def add(
         self,
@@ -63,15 +61,23 @@ class KittiWriter:
         level_from_sensor: RigidTransform,
     ) -> None:
         """Write a frame: labels with their rectangles [px] and how much of them is cut off."""
-        name = f"{self.frames:06d}"
-        self._table.writerow((name, cloud.stamp_ns))
-        (self._folder / "velodyne" / f"{name}.bin").write_bytes(_points(cloud).tobytes())
+        name, training = f"{self.frames:06d}", self._folder / "training"
+        if not self.frames:
+            for part in ("velodyne", "label_2", "calib"):
+                (training / part).mkdir(parents=True, exist_ok=True)
+            self._note("frame", "stamp_ns")
+        (training / "velodyne" / f"{name}.bin").write_bytes(_points(cloud).tobytes())
         lines = [_line(*one) for one in labels]
-        (self._folder / "label_2" / f"{name}.txt").write_text("".join(lines), encoding="utf-8")
+        (training / "label_2" / f"{name}.txt").write_text("".join(lines), encoding="utf-8")
         text = _calibration(projection, level_from_sensor)
-        (self._folder / "calib" / f"{name}.txt").write_text(text, encoding="utf-8")
+        (training / "calib" / f"{name}.txt").write_text(text, encoding="utf-8")
+        self._note(name, cloud.stamp_ns)
         self.frames += 1
         self.boxes += len(labels)
+
+    def _note(self, *row: object) -> None:
+        with (self._folder / "frames.csv").open("a", newline="", encoding="utf-8") as table:
+            csv.writer(table).writerow(row)
 
 
 def export_kitti(recording: Path, folder: Path, open_progress: OpenProgress, cloud: str) -> str:
@@ -95,23 +101,25 @@ def export_kitti(recording: Path, folder: Path, open_progress: OpenProgress, clo
         except FrameError:
             left_out["the pose of its sensor or of the camera is not known"] += 1
 
+    writer, before = KittiWriter(folder), None
     try:
-        for name in ("velodyne", "label_2", "calib"):
-            (folder / "training" / name).mkdir(parents=True, exist_ok=True)
-        with (folder / "frames.csv").open("w", newline="", encoding="utf-8") as index:
-            writer, before = KittiWriter(folder / "training", index), None
-            for tick in reader.read(open_progress, {topic: take}):
-                while waiting and waiting[0][0].stamp_ns <= tick.scene.stamp_ns:
-                    one = waiting.popleft()
-                    if before is None or one[0].stamp_ns < before.scene.stamp_ns:
-                        left_out[_WITHOUT_TRUTH] += 1
-                    else:
-                        _add(writer, Interval(before, tick), *one)
-                before = tick
+        for tick in reader.read(open_progress, {topic: take}):
+            while waiting and waiting[0][0].stamp_ns <= tick.scene.stamp_ns:
+                one = waiting.popleft()
+                if before is None or one[0].stamp_ns < before.scene.stamp_ns:
+                    left_out[_WITHOUT_TRUTH] += 1
+                else:
+                    _add(writer, Interval(before, tick), *one)
+            before = tick
     except OSError as cause:
         raise BagError(f"--kitti {folder}: {why_refused(cause)}") from cause
     left_out[_WITHOUT_TRUTH] += len(waiting)
     reasons = [f"{count} left out, {why}" for why, count in left_out.items() if count]
+    if not writer.frames:
+        raise BagError(
+            f"--kitti: no cloud can be written ({'; '.join((*reasons, *reader.left_out))}); "
+            "a replay records transforms and CameraInfo with --with-inputs"
+        )
     words = (counted(writer.frames, "cloud"), counted(writer.boxes, "labelled box"))
     return f"kitti: {folder} ({'; '.join((', '.join(words), *reasons, *reader.left_out))})"
 
@@ -125,7 +133,9 @@ def _placed(reader: TruthReader, cloud: PointCloud) -> _Placed:
     if camera is None:
         raise InputError("there was no CameraInfo yet")
     if not isinstance(camera.view, PinholeView):
-        raise BagError("--kitti: KITTI knows flat images only, and this camera has none")
+        raise BagError(
+            "--kitti: KITTI knows flat images only; the camera is a fisheye, or sees all around"
+        )
     map_frame = reader.parameters.frames.map
     frame = camera.frame_id or reader.robot.base_frame()
     map_from_sensor = frames.lookup(map_frame, cloud.frame_id, cloud.stamp_ns)

@@ -60,7 +60,7 @@ from are_ros.replay.session import Outcome, run_replay
 from are_ros.replay.survey.inspection import inspect_bag, inspection_lines
 from are_ros.replay.timeline import ReplayOptions
 from are_ros.wording import counted, listed
-from are_ros.world.map_io import read_map_file
+from are_ros.world.map_io import doubt_about_unknown, read_map_file
 
 _SHOWN: Final = 5
 _WAIT: Final = "sensors.tf_wait"
@@ -236,8 +236,9 @@ def complaints(outcome: Outcome) -> list[str]:
         if topic in outcome.apart or any(name in problem for name in outcome.apart):
             lines[-1] += "; no --static-tf helps: its stamps and those of the transforms differ"
         else:
-            what = "CameraInfo" if "CameraInfo" in problem else "wait"
-            lines[-1] += f"; `are inspect` says which --static-tf or which {what} is missing"
+            is_of_lens = "CameraInfo" in problem
+            what = "CameraInfo is missing or of no use" if is_of_lens else "wait is missing"
+            lines[-1] += f"; `are inspect` says which --static-tf or which {what}"
     lines += filter(None, [_about_waiting(outcome)])
     if outcome.camera_problem:
         lines.append(f"nothing was perceived: {outcome.camera_problem}")
@@ -293,6 +294,8 @@ def describe_command(
     catalogue, site = catalogue_of(parameters), Site()
     if map_file is not None:
         site = surveyed(read_map_file(map_file, parameters.frames.map), parameters, catalogue)
+        if doubt := doubt_about_unknown(map_file):
+            echo(doubt)
     if row is not None:
         if site.survey is None:
             raise MapError(f"--decisions {row} needs a map to decide on: give it with --map")

@@ -312,14 +312,22 @@ _LEAST_AREA_M2: Final = 3.0
 """A robot needs about this area to turn on the spot; a smaller region cannot be right."""
 
 
+_MOST_ABOVE_M: Final = 1.5
+"""The base of a robot is not so far above or below the ground that it drives on."""
+
+
 class StandingWatch(Listener):
-    """Looks at each tick whether the cell of the robot's base is free, and where scans end."""
+    """Looks at each tick whether the cell of the robot's base is free, and where scans end.
+
+    And how high the base is above the ground.
+    """
 
     def __init__(self, builder: ArBuilder) -> None:
         self._builder = builder
         self._scans = ScanFit(builder)
         self._ticks = 0
         self._outside_m: list[tuple[float, float]] = []
+        self._aloft_m: list[float] = []
         self._area_m2 = 0.0
 
     def take_tick(self, tick: Tick) -> None:
@@ -327,8 +335,11 @@ class StandingWatch(Listener):
         environment = self._builder.world.environment
         if environment is None or tick.map_from_base is None:
             return
-        x_m, y_m, _ = tick.map_from_base.translation_m.tolist()
+        x_m, y_m, z_m = tick.map_from_base.translation_m.tolist()
         self._ticks += 1
+        above_m = z_m - float(environment.ground.heights(np.array([(x_m, y_m)]))[0])
+        if abs(above_m) > _MOST_ABOVE_M:
+            self._aloft_m.append(above_m)
         self._area_m2 = max(self._area_m2, tick.metrics.area_m2)
         if not _is_free(environment, (x_m, y_m)):
             self._outside_m.append((x_m, y_m))
@@ -345,6 +356,12 @@ class StandingWatch(Listener):
             doubts.append(
                 "the robot stood on occupied or unknown cells, or beyond the map, "
                 f"in {outside} of {self._ticks} ticks"
+            )
+        if len(self._aloft_m) > SHARE * self._ticks:
+            doubts.append(
+                f"the robot's base was {float(np.median(self._aloft_m)):.1f} m above the ground on "
+                f"which artefacts stand (world.ground_height) in {len(self._aloft_m)} of "
+                f"{self._ticks} ticks"
             )
         population = self._builder.parameters.population
         is_small = self._ticks and self._area_m2 < _LEAST_AREA_M2

@@ -53,7 +53,7 @@ from are_ros.replay.timeline import (
     Timeline,
 )
 from are_ros.wording import listed
-from are_ros.world.map_io import read_map_file
+from are_ros.world.map_io import doubt_about_unknown, read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_files.octomap import read_voxel_file
@@ -122,6 +122,8 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             _prepare_places(options)
             for sentence in timeline.sentences():
                 say(sentence)
+            if options.map_file is not None and (doubt := doubt_about_unknown(options.map_file)):
+                say(doubt)
             _choose_camera(options, builder, replay, roles, say)
             _prepare_kernels(options, catalogue, replay, roles, say)
             _feed_files(options, grid, cloud, builder, replay.start_ns)

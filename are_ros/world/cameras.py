@@ -395,6 +395,7 @@ _MIN_FOCAL_LENGTH_PX: Final = 1e-3
 _LENGTHS: Final = {
     "": (0, 4, 5),
     "none": (0, 4, 5),
+    "pinhole": (0, 4, 5),
     "plumb_bob": (0, 4, 5),
     "rational_polynomial": (0, 8, 12, 14),
     "equidistant": (0, 4),
@@ -528,7 +529,7 @@ class CameraInfo:
             raise self._error("d", reason)
         if any(self.d[12:]):
             raise self._error("d", f"has coefficients of a tilted sensor, {self.d[12:]}")
-        if model in {"", "none"} and any(self.d):
+        if model in {"", "none", "pinhole"} and any(self.d):
             raise self._error("distortion_model", f"is {model!r}, and d is not zero")
         return self.d
 

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from are_ros.conventions import FREE, OCCUPIED, UNKNOWN
 from are_ros.errors import InputError, MapError
+from are_ros.wording import percent
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.yaml_text import read_yaml
 
@@ -152,7 +153,8 @@ def read_map_file(path: Path, frame_id: str = "map") -> OccupancyGrid:
     maps occ > occupied_thresh to occupied, occ < free_thresh to free, the rest to unknown; an
     alpha channel is averaged in with the colours, as map_io does. Scale spreads what lies
     between the thresholds over 0..100, and takes what is not opaque as unknown. Raw takes the
-    brightness 0..100 of 255 as the value itself. Raises MapError: file, field and reason.
+    brightness 0..100 of 255 as the value itself. The resolution is in single precision, as in the
+    messages of map_server. Raises MapError: file, field and reason.
     """
     metadata = _read_metadata(path)
     try:
@@ -173,6 +175,30 @@ def read_map_file(path: Path, frame_id: str = "map") -> OccupancyGrid:
         )
     except InputError as error:
         raise MapError(str(error)) from error
+
+
+_GREY: Final = 205
+"""What map_saver and slam_toolbox write for unknown cells."""
+
+
+def doubt_about_unknown(path: Path) -> str:
+    """Return a sentence if a trinary map file makes the grey of unknown cells free; else "".
+
+    `free_thresh: 0.25`, the default of map_saver, does so, and map_io reads it so. Raises MapError.
+    """
+    metadata = _read_metadata(path)
+    image = read_map_image(metadata.image)
+    if metadata.mode is not MapMode.TRINARY or (_cells(image, metadata) == UNKNOWN).any():
+        return ""
+    shade = _GREY / 255.0
+    darkness = shade if metadata.negate else 1.0 - shade
+    share = float((image.sums * 255 == _GREY * image.full).mean())
+    if not darkness < metadata.free_thresh or not share > 0.0:
+        return ""
+    return (
+        f"{path}: free_thresh {metadata.free_thresh:g} makes the grey of unknown cells free, "
+        f"{percent(share)} of the map, and nothing is unknown: with 0.196 they stay unknown"
+    )
 
 
 def _cells(image: MapImage, metadata: _Metadata) -> npt.NDArray[np.int8]:
@@ -209,7 +235,7 @@ def _read_metadata(path: Path) -> _Metadata:
     x_m, y_m, yaw_rad = (_number(path, "origin", value) for value in origin)
     metadata = _Metadata(
         image=_image_path(path, fields),
-        resolution_m=_number(path, "resolution", fields.get("resolution")),
+        resolution_m=_single(_number(path, "resolution", fields.get("resolution"))),
         origin=(x_m, y_m, yaw_rad),
         negate=_negate(path, fields.get("negate")),
         occupied_thresh=_number(path, "occupied_thresh", fields.get("occupied_thresh")),
@@ -253,6 +279,15 @@ def _number(path: Path, field: str, value: object) -> float:
     if not math.isfinite(number):
         raise MapError(f"{path}: {field} must be a finite number, it is or holds {value!r}")
     return number
+
+
+def _single(number: float) -> float:
+    """Return the number in the precision of nav_msgs/MapMetaData: cells lie where others see them.
+
+    A hundred metres from the origin they are a micrometre aside.
+    """
+    with np.errstate(over="ignore"):
+        return float(np.float32(number))
 
 
 def _negate(path: Path, value: object) -> bool:

@@ -193,7 +193,7 @@ def _check_header(source: str, frame_id: str, width: int, height: int, resolutio
     if not frame_id:
         raise InputError(f"{source}: header.frame_id is empty")
     if not (math.isfinite(resolution_m) and resolution_m > _MIN_RESOLUTION_M):
-        message = f"{source}: resolution is {resolution_m}, it must be a length above 1e-6 m"
+        message = f"{source}: resolution is {resolution_m:g}, it must be a length above 1e-6 m"
         raise InputError(message)
     for field, size in (("width", width), ("height", height)):
         if not 0 < size <= MAX_SIDE:

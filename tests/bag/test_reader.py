@@ -115,7 +115,10 @@ def test_several_recordings_are_one_stream(
 
 
 def test_compressed_recordings_are_read(tmp_path: Path, words: list[tuple[str, int, Any]]) -> None:
-    """Files and messages that rosbag2 compressed with zstd are read as others."""
+    """Files and messages that rosbag2 compressed with zstd are read as others.
+
+    Messages of a file alone, without the metadata that tell of it, too.
+    """
     store = jazzy_typestore()
     for mode in (CompressionMode.FILE, CompressionMode.MESSAGE):
         folder = tmp_path / mode.name
@@ -125,8 +128,11 @@ def test_compressed_recordings_are_read(tmp_path: Path, words: list[tuple[str, i
             connection = writer.add_connection("/a", STRING, typestore=store)
             for _, at, message in words:
                 writer.write(connection, at, store.serialize_cdr(message, STRING))
-        with BagReader([folder]) as reader:
-            assert [text for _, _, text in texts(reader)] == ["one", "two", "three", "four"]
+        alone = folder.glob("*.db3") if mode is CompressionMode.MESSAGE else ()
+        for path in (folder, *alone):
+            with BagReader([path]) as reader:
+                assert [text for _, _, text in texts(reader)] == ["one", "two", "three", "four"]
+    assert path.suffix == ".db3"
 
 
 @pytest.fixture

@@ -295,6 +295,21 @@ def test_no_empty_set_of_kitti_is_written(
     assert not (tmp_path / "set").exists()
 
 
+def test_a_set_of_kitti_without_a_frame_is_refused(
+    cloud_replay: Path, run_are: RunAre, tmp_path: Path
+) -> None:
+    """With what left out all clouds, and how to record it; no folder stays behind."""
+    tape = Tape.of(cloud_replay)
+    kept = tuple(entry for entry in tape.entries if entry[1] not in {"/tf", "/tf_static"})
+    run = replace(tape, entries=kept).write(tmp_path / "run")
+    done = run_are("export", run, "--kitti", tmp_path / "set")
+    assert done.returncode == 1
+    assert "--kitti: no cloud can be written (" in done.stderr
+    assert "the pose of its sensor or of the camera is not known" in done.stderr
+    assert done.stderr.endswith("a replay records transforms and CameraInfo with --with-inputs\n")
+    assert not (tmp_path / "set").exists()
+
+
 class _None:
     artefacts: tuple[Any, ...] = ()
 

@@ -16,6 +16,7 @@ from are_ros.builder.sensors.sensor_path import ReleasedReading
 from are_ros.parameters.choices import Region
 from are_ros.parameters.model import PopulationParameters, WorldParameters
 from are_ros.replay.listeners import ScanFit, StandingWatch
+from are_ros.world.environment import PlaneGround
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.scan_matching import PlanarPose
@@ -28,11 +29,16 @@ QUESTION = "does the map belong to the recording, and is its frame right?"
 def environment(cells: list[int]) -> Any:
     """Return cells of a metre in a row from (0, 0)."""
     grid = OccupancyGrid(np.array([cells], np.int8), 1.0, RigidTransform.identity(), "map")
-    return SimpleNamespace(grid=grid, classes=classify(grid, 65, 25))
+    return SimpleNamespace(grid=grid, classes=classify(grid, 65, 25), ground=PlaneGround(0.5))
 
 
 def watched(
-    maps: list[Any], places: list[float | None], *, area_m2: float, region: Region
+    maps: list[Any],
+    places: list[float | None],
+    *,
+    area_m2: float,
+    region: Region,
+    z_m: float = 0.5,
 ) -> list[str]:
     """Return what is said of a robot at (x, 0.5), in one tick with each map."""
     world = SimpleNamespace(environment=None)
@@ -41,7 +47,7 @@ def watched(
     builder: Any = SimpleNamespace(world=world, parameters=parameters)
     watch = StandingWatch(builder)
     for world.environment, x_m in zip(maps, places, strict=True):
-        pose = None if x_m is None else RigidTransform.planar(x_m, 0.5, 0.0)
+        pose = None if x_m is None else RigidTransform.planar(x_m, 0.5, 0.0, z=z_m)
         tick: Any = SimpleNamespace(map_from_base=pose, metrics=SimpleNamespace(area_m2=area_m2))
         watch.take_tick(tick)
     return watch.sentences()
@@ -66,6 +72,18 @@ def test_a_robot_in_walls_or_beyond_the_map_is_said(places: list[float | None], 
     assert len(sentences) == bool(said)
     for sentence in sentences:
         assert sentence.endswith(f"or beyond the map, {said}: {QUESTION}")
+
+
+@pytest.mark.parametrize(("z_m", "said"), [(3.5, "3.0"), (-1.5, "-2.0"), (1.9, ""), (-0.9, "")])
+def test_a_robot_far_above_or_below_the_ground_is_said(z_m: float, said: str) -> None:
+    """As on another floor; lasers of a robot in the air see no artefact, and nothing else tells."""
+    sentences = watched([ROW] * 3, [0.5] * 3, area_m2=50.0, region=Region.FREE, z_m=z_m)
+    assert len(sentences) == bool(said)
+    for sentence in sentences:
+        assert sentence == (
+            f"the robot's base was {said} m above the ground on which artefacts stand "
+            f"(world.ground_height) in 3 of 3 ticks: {QUESTION}"
+        )
 
 
 def test_cells_that_come_to_be_known_are_no_fault() -> None:

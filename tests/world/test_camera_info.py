@@ -60,7 +60,7 @@ def test_equal_infos_are_equal_and_make_equal_views() -> None:
     assert replace(INFO, width=63).view(rectified=False) != INFO.view(rectified=False)
 
 
-@pytest.mark.parametrize("model", ["", "none", "plumb_bob", "rational_polynomial"])
+@pytest.mark.parametrize("model", ["", "none", "pinhole", "plumb_bob", "rational_polynomial"])
 def test_no_coefficients_mean_no_distortion(model: str) -> None:
     """An empty D is an undistorted camera whatever the model is called."""
     view = replace(INFO, distortion_model=model, d=()).view(rectified=False)

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from are_ros.errors import MapError
-from are_ros.world.map_io import read_map_file
+from are_ros.world.map_io import doubt_about_unknown, read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 
 FIELDS = {
@@ -70,7 +70,7 @@ def test_the_lowest_row_of_the_image_is_row_0(tmp_path: Path) -> None:
     """Black is occupied, white free, 205 unknown at the usual thresholds."""
     grid = read_map_file(write_map(tmp_path), "world")
     assert grid.cells.tolist() == [[0, -1, 100], [100, -1, 0]]
-    assert (grid.resolution_m, grid.frame_id) == (0.05, "world")
+    assert (grid.resolution_m, grid.frame_id) == (float(np.float32(0.05)), "world")
     assert grid.origin.translation_m.tolist() == [1.0, -2.0, 0.0]
     assert grid.origin.yaw_rad() == pytest.approx(0.5)
 
@@ -126,7 +126,27 @@ def test_numbers_are_read_as_yaml_cpp_reads_them(tmp_path: Path) -> None:
     grid = read_map_file(
         write_map(tmp_path, fields={"resolution": "5e-2", "mode": "Trinary"}), "map"
     )
-    assert grid.resolution_m == 0.05
+    assert grid.resolution_m == float(np.float32(0.05))
+
+
+@pytest.mark.parametrize(
+    ("fields", "pixels", "is_said"),
+    [
+        ({"free_thresh": "0.25"}, (0, 205, 254, 205, 254, 254), True),
+        ({"free_thresh": "0.196"}, (0, 205, 254, 205, 254, 254), False),
+        ({"free_thresh": "0.25"}, (0, 205, 254, 150, 254, 254), False),
+        ({"free_thresh": "0.25"}, (0, 254, 254, 254, 254, 254), False),
+        ({"free_thresh": "0.25", "mode": "scale"}, (0, 205, 254, 205, 254, 254), False),
+    ],
+)
+def test_a_grey_of_unknown_cells_that_becomes_free_is_said(
+    tmp_path: Path, fields: dict[str, str], pixels: tuple[int, ...], is_said: bool
+) -> None:
+    """With map_saver's own default of 0.25; not where anything is unknown."""
+    doubt = doubt_about_unknown(write_map(tmp_path, PGM[:-6] + bytes(pixels), fields))
+    assert bool(doubt) == is_said
+    if is_said:
+        assert "makes the grey of unknown cells free, 33.3 % of the map" in doubt
 
 
 def test_an_absolute_image_path_is_taken_as_it_is(tmp_path: Path) -> None:
@@ -147,7 +167,7 @@ def test_an_absolute_image_path_is_taken_as_it_is(tmp_path: Path) -> None:
         ({"resolution": "[1]"}, "resolution must be a finite number"),
         ({"resolution": "1" * 400}, "is too large a number"),
         ({"resolution": "1e400"}, "resolution must be a finite number"),
-        ({"resolution": "0"}, ": resolution is 0.0, it must"),
+        ({"resolution": "0"}, ": resolution is 0, it must"),
         ({"origin": "[0, 0]"}, "origin must be three numbers"),
         ({"origin": "3"}, "origin must be three numbers"),
         ({"origin": "[0, 0, .inf]"}, "origin must be a finite number"),

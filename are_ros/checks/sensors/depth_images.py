@@ -25,6 +25,12 @@ _ROUNDS: Final = 400
 _CLOSE_PX: Final = 1e-6
 _DONE: Final = 1e-14
 _FARTHEST_RAD: Final = 1.56
+_LENSES: Final = {
+    **dict.fromkeys(("", "none", "pinhole", "plumb_bob"), (0, 4, 5)),
+    "rational_polynomial": (0, 8, 12, 14),
+    "equidistant": (0, 4),
+}
+"""How many coefficients a lens may have. Of others nothing is known, and their images stay."""
 _TRANSPORTS: Final = frozenset(("compressed", "compressedDepth", "theora", "zstd", "ffmpeg"))
 
 
@@ -65,12 +71,13 @@ def rays_of(info: Any, *, rectified: bool) -> Floats:
 
 def _undistorted(flat: Floats, model: str, d: Floats, close: float) -> Floats:
     """Return the slopes (H, W, 2) that a lens shows at `flat`; NaN where none is that `close`."""
+    is_flat = model in {"", "none", "pinhole"}
+    if len(d) not in _LENSES.get(model, ()) or d[12:].any() or (is_flat and d.any()):
+        raise ValueError(f"the lens {model!r} with {d} is not known here")
     if model == "equidistant":
         return _from_angles(flat, np.resize(d, 4) if len(d) else np.zeros(4), close)
     if not d.any():
         return flat
-    if model not in {"plumb_bob", "rational_polynomial"}:
-        raise ValueError(f"the lens {model!r} is not known here")
     k = np.zeros(14)
     k[: len(d)] = d
     slopes: Floats = flat.copy()

@@ -43,10 +43,10 @@ class Changes:
     """How an augmented reading differs from its input.
 
     `fault` is what is wrong with it whatever the geometry is, else empty. `points_m` (M, K, 3) are
-    where the M changed beams may end, in the sensor's frame: one place for a beam of a laser,
-    places `spacing_m` apart on its cap for a cone. A beam that came out as too close ends at the
-    least range, and `too_close` (M,) is set. `unreturned` (M,) are the beams of a laser that had no
-    return before.
+    where the M changed beams may end, in the sensor's frame: one place for a beam of a laser, some
+    for a pixel, places `spacing_m` apart on its cap for a cone. A beam that came out as too close
+    ends at the least range, and `too_close` (M,) is set. `unreturned` (M,) are the beams of a laser
+    that had no return before.
     """
 
     fault: str = ""

@@ -29,6 +29,9 @@ _MOST_LARGE: Final = 100
 _MOST_ENDS: Final = 2000
 """Of the changed pixels of an image, so many are looked at where they end."""
 _TOO_NEAR_M: Final = 1e-3
+_PLACES: Final = np.array((-1.0, 0.0, 1.0))
+"""A pixel ends somewhere in a step of its encoding, which may be centimetres: tried at both ends
+and in the middle, in half steps."""
 _GAP: Final = 1.5
 """In usual distances of scans: farther apart, there was one in between."""
 
@@ -202,9 +205,9 @@ class ScanPairs(Pairs):
         depths_m = output.depths_m.ravel()[which]
         too_close = ~np.isfinite(depths_m)
         depths_m[too_close] = _TOO_NEAR_M
-        depths_m = depths_m - output.half_steps_m(depths_m)
+        ends_m = depths_m[:, None] + output.half_steps_m(depths_m)[:, None] * _PLACES
         rays = self.rays(info, rectified=is_rectified).reshape(-1, 3)[which]
-        return Changes("", (rays * depths_m[:, None])[:, None], too_close, unreturned)
+        return Changes("", rays[:, None] * ends_m[:, :, None], too_close, unreturned)
 
     def _fits(self, info: Any, real: DepthFrame, *, rectified: bool) -> bool:
         """Tell whether a CameraInfo is of use for an image, which else passes through."""

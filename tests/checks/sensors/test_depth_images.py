@@ -170,6 +170,7 @@ def test_pixels_only_come_nearer() -> None:
 @pytest.mark.parametrize(
     ("model", "d"),
     [
+        ("pinhole", ()),
         ("plumb_bob", (-0.2, 0.05, 1e-3, -2e-3, 0.01)),
         ("rational_polynomial", (0.3, 0.1, 5e-4, 2e-4, 0.01, 0.6, 0.2, 0.03)),
         ("equidistant", (-0.02, 0.01, -3e-3, 1e-3)),
@@ -189,6 +190,8 @@ def test_rays_are_where_opencv_projects_to_the_pixels(model: str, d: tuple[float
     ("field", "value"),
     [
         ("distortion_model", "kannala_brandt4"),
+        ("d", np.array((0.1, 0.0, 0.0))),
+        ("d", np.array((*np.zeros(12), 0.01, 0.0))),
         ("k", np.zeros(9)),
         ("width", 64),
         ("height", 0),
@@ -213,6 +216,25 @@ def test_without_a_camera_info_of_use_an_image_has_to_stay_as_it_is(
         assert pairs.pairs == 1
         assert (pairs.changed == []) == is_right
         assert len(pairs.kept_depths.kept) == (field is None)
+
+
+def test_places_where_a_pixel_may_end_span_a_step() -> None:
+    """Whatever depth was rounded to a number: a place is within a quarter of a step of it."""
+    ab = (20.0 * 21.0, 1.0 - 20.0 * 21.0 / 10.0)
+    true_m = np.random.default_rng(1).uniform(3.0, 8.0, (24, 32))
+    numbers = np.rint(ab[0] / true_m + ab[1]).astype(np.uint16)
+    output = DepthFrame(5, 7, "camera", numbers, (), 2, ab)
+    lens, pairs = info(), ScanPairs()
+    lens.header = SimpleNamespace(frame_id="camera")
+    pairs.infos |= dict.fromkeys(("/camera_info", "/ar_builder/camera_info"), lens)
+    pairs.add("/depth", replace(output, numbers=np.ones_like(numbers)))
+    pairs.add("/ar_builder/depth", output)
+    (changed,) = pairs.changed
+    places_m = changed.changes.points_m[:, :, 2].reshape(24, 32, 3)
+    step_m = true_m**2 / ab[0]
+    off_m = np.abs(places_m - true_m[..., None]).min(axis=2)
+    assert (off_m <= 0.3 * step_m).all()
+    assert step_m.max() > 0.1
 
 
 def test_what_is_kept_is_spread_over_a_recording() -> None:
