@@ -112,7 +112,7 @@ class ContactLog:
         return [self._event(now_ns, contact, living) for contact in new]
 
     def forget(self) -> None:
-        """Forget the pairs in contact: the clock jumped back."""
+        """Forget the pairs in contact: the clock jumped, or a recording has a gap."""
         self._touching = set()
 
     def _event(
@@ -165,10 +165,10 @@ def _keep_or_move_back(
     """Give each box from `start` on its proposed or last safe pose; return the first with neither.
 
     Boxes are packed (N, 8). `allowed` (N, 2) tells whether the proposed and the last safe pose are
-    clear of walls and robots, `adjacency` is the result of `_neighbours`. Who `is_fixed` (N,) is
-    passed over, and is in `current` where it stays. All boxes are tested against the `displaced`,
-    which are outside their neighbourhoods. The kernel writes into `current` (N, 8) and `outcomes`
-    (N,). It returns N at the end.
+    clear of walls and robots, `adjacency` is the result of `_neighbours`. Boxes that are `is_fixed`
+    (N,) are skipped, and stay as they are in `current`. All boxes are tested against the
+    `displaced`, which are outside their neighbourhoods. The kernel writes into `current` (N, 8) and
+    `outcomes` (N,). It returns N at the end.
     """
     starts, indices = adjacency
     for i in range(start, proposed.shape[0]):
@@ -373,7 +373,7 @@ class CollisionResolver:
     def held_back(
         self, proposed: OrientedBoxes, last_safe: OrientedBoxes, fixed: Sequence[int] = ()
     ) -> NDArray[np.bool_]:
-        """Return which artefacts (N,) have to stay where they are, in the way of nobody there.
+        """Return which artefacts (N,) have to keep their poses, where they overlap no other.
 
         `proposed` are the boxes (N) at the next sub-step, `last_safe` the present ones. Of two that
         would overlap, the one with the higher id stays, but none of the `fixed` (indices); walls

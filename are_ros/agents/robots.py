@@ -116,7 +116,7 @@ class RobotTracker:
         return found[1] if camera.frame_id else found[1] @ camera.base_from_optical
 
     def forget(self) -> None:
-        """Forget the last pose: the clock jumped back."""
+        """Forget the last pose: the clock jumped, or a recording has a gap."""
         self.last = None
 
 

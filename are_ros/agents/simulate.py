@@ -53,8 +53,8 @@ class MotionCounts:
     """Numbers of sub-steps of artefacts so far: all, with motion, and corrected by the resolver.
 
     (`moved_back` + `displaced`) / `artefact_steps` is the share of artefact-seconds with a
-    collision that planning did not avoid. Who is removed for a contact with the robot is not
-    displaced.
+    collision that planning did not avoid. An artefact that is removed for a contact with the robot
+    does not count as displaced.
     """
 
     artefact_steps: int = 0

@@ -168,18 +168,23 @@ class AgentTable:
         since_ns: npt.NDArray[np.int64] = self._lives["leaving"][: len(self)]
         return since_ns
 
-    def postpone(self, by_ns: int) -> None:
+    def postpone(self, from_ns: int, until_ns: int) -> None:
         """Let a time not count: tracks, patience on the way out, and being stuck go on after it.
 
-        The waiting times that behaviours keep themselves are not moved.
+        For an agent that arrived meanwhile the rest of it counts. The waiting times that behaviours
+        keep themselves are not moved.
         """
-        for _, track in self.tracks:
-            track.postpone(by_ns)
+        arrivals_ns = np.array([one.arrival_ns for one in self.artefacts], np.int64)
+        by_ns = until_ns - np.maximum(arrivals_ns, from_ns)
         leaving_ns = self.leaving_ns
-        leaving_ns[leaving_ns != STAYS] += by_ns
-        for state in self.states:
+        is_leaving = leaving_ns != STAYS
+        leaving_ns[is_leaving] += by_ns[is_leaving]
+        rows = zip(self._tracks, self.states, by_ns.tolist(), strict=True)
+        for track, state, own_ns in rows:
+            if track is not None:
+                track.postpone(own_ns)
             if state is not None:
-                state.postpone(by_ns)
+                state.postpone(own_ns)
 
     @property
     def phases(self) -> npt.NDArray[np.int64]:
@@ -197,11 +202,14 @@ class AgentTable:
 
     @property
     def motion(self) -> _Floats:
-        """Poses and speeds of all now: x, y, yaw, cos, sin, speed along yaw, float64 (N, 6)."""
+        """Poses and speeds of all now, float64 (N, 6), in the map frame.
+
+        x, y [m], yaw [rad], cos, sin, speed along yaw [m/s].
+        """
         return self.committed(0)
 
     def committed(self, ahead: int) -> _Floats:
-        """Return the same so many sub-steps ahead on the committed paths, which end in a stand."""
+        """Return `motion` as it will be in `ahead` sub-steps: committed paths end in a stand."""
         arrays = self.arrays
         steps = np.minimum(self.now + ahead - arrays.place["begin"], arrays.place["last"])
         motion: _Floats = arrays.path[np.arange(len(steps)), steps]

@@ -77,7 +77,7 @@ class TrajectoryBuffer:
 
     def clear(self) -> None:
         """Drop all frames: the clock jumped. Call it when no artefact is alive."""
-        self.first = self.end
+        self.first, self.still_since_ns = self.end, 0
         for kept in (self.times_ns, self.until_ns, self.ids, self.starts, self.ends):
             kept.clear()
 

@@ -144,7 +144,7 @@ class ArBuilder(Simulation):
         self.lives.reconfigure(parameters, assembly.collision_resolver(parameters), now_ns)
         self.parameters = parameters
         if self._detector is not None:
-            self._detector.parameters = parameters
+            self._detector.reconfigure(parameters)
         self.sensors.reconfigure(parameters)
         self._grids.limit_rate(parameters.augmented_map.max_rate)
         self._octomap.limit_rate(parameters.augmented_map.max_rate)
@@ -294,7 +294,7 @@ class ArBuilder(Simulation):
     def _perceived_elsewhere(self, perception: Perception) -> tuple[int, ...]:
         """Return the ids of `perception.boxes`, which are perceived elsewhere than they are.
 
-        None where the gate does not ask for what is perceived.
+        There are none where the gate does not ask for what is perceived.
         """
         is_gated = self.parameters.costmap.gate is CostmapGate.PERCEIVED
         if perception.boxes is None or not is_gated:

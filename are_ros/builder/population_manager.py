@@ -113,6 +113,7 @@ class PopulationManager:
         )
         self.is_paused = False
         self._paused_ns = 0
+        self._advanced_ns: int | None = None
         self.goal: Footprint | None = None
         self.plan_m: npt.NDArray[np.float64] = np.empty((0, 2))
         self.viewpoints: Callable[[int], Sequence[Viewpoint]] = lambda _: ()
@@ -176,6 +177,7 @@ class PopulationManager:
         if not steps.is_running:
             self._start(now_ns)
             steps.begin(now_ns)
+        self._advanced_ns = now_ns
         while True:
             event_ns = self._next_event_ns()
             if event_ns is not None and event_ns <= min(now_ns, steps.next_ns):
@@ -202,7 +204,7 @@ class PopulationManager:
     def interrupt(self, from_ns: int, until_ns: int) -> None:
         """Remove all artefacts at `from_ns`, and go on at `until_ns`: the recording has a gap.
 
-        The wait for the next random arrival begins anew; the scenario is postponed by the gap.
+        The wait for the next random arrival goes on after the gap; the scenario is postponed by it.
         """
         self.clear(from_ns, Cause.RECORDING_GAP)
         self.population.interrupt(from_ns, until_ns)
@@ -220,7 +222,8 @@ class PopulationManager:
         self.plan_m = np.empty((0, 2))
 
     def _start(self, now_ns: int) -> None:
-        self.population.start(now_ns)
+        self.population.start(now_ns, self._advanced_ns)
+        self._advanced_ns = self._paused_ns = now_ns
         if self.crowd.recorder is not None:
             self.crowd.recorder.start(now_ns)
 
@@ -248,9 +251,9 @@ class PopulationManager:
         if is_paused:
             self._paused_ns = now_ns
         else:
-            by_ns = max(0, now_ns - self._paused_ns)
-            self.population.postpone(by_ns)
-            self.crowd.table.postpone(by_ns)
+            until_ns = max(now_ns, self._paused_ns)
+            self.population.postpone(self._paused_ns, until_ns)
+            self.crowd.table.postpone(self._paused_ns, until_ns)
         self._set_rates(now_ns)
 
     def stand_still(self, from_ns: int, until_ns: int) -> None:

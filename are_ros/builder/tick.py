@@ -34,11 +34,10 @@ USUAL: Final = Demand()
 class Tick:
     """The outputs of one tick, in the map's frame; `events` are those since the last tick.
 
-    `scene` are the living artefacts as columns. `octomap` is M3D with their surfaces where it goes
-    out. `perception` is what the observer is told to
-    perceive, as of a stamp of its own. `map_from_base` and `map_from_camera` are the poses that the
-    tick used, None where it had none: then nothing is seen. Readings of sensors leave by a path of
-    their own.
+    `scene` are the living artefacts as columns. `octomap` is M3D with the surfaces of the
+    artefacts, where it goes out. `perception` is what the observer is told to perceive, as of a
+    stamp of its own. `map_from_base` and `map_from_camera` are the poses that the tick used, None
+    where it had none: then nothing is seen. Readings of sensors leave by a path of their own.
     """
 
     stamp_ns: int

@@ -54,7 +54,7 @@ class CocoWriter:
     def finish(self) -> int:
         """Write annotations.json; return how many artefacts it tells of.
 
-        Those of whom the recording tells no class, who left between two ticks, are left out.
+        Artefacts without a recorded class, which left between two ticks, are left out.
         """
         names = sorted({name for name, _ in self.kinds.values()})
         categories = {name: k + 1 for k, name in enumerate(names)}

@@ -140,24 +140,25 @@ class Population:
         """The artefacts alive by id, in the order of their ids: a view, always up to date."""
         return MappingProxyType(self._living)
 
-    def start(self, now_ns: int) -> None:
+    def start(self, now_ns: int, until_ns: int | None = None) -> None:
         """Begin at `now_ns`, or again after a clock jump, without artefacts; ids go on.
 
-        Present artefacts are dropped without an event.
+        Present artefacts are dropped without an event. Up to `until_ns`, by the clock before the
+        jump, the next random arrival has been waited for.
         """
         self._living.clear()
         self._departed.clear()
         self._causes.clear()
-        self._source.restart(now_ns)
+        self._source.restart(now_ns, until_ns)
         self.scripted.restart(now_ns)
         self._restart_lives(now_ns)
 
     def interrupt(self, from_ns: int, until_ns: int) -> None:
         """Go on at `until_ns`, after all artefacts have departed at `from_ns`.
 
-        The wait for the next random arrival begins anew; the scenario is postponed by the gap.
+        The wait for the next random arrival goes on after the gap; the scenario is postponed by it.
         """
-        self._source.restart(until_ns)
+        self._source.restart(until_ns, from_ns)
         self._restart_lives(until_ns)
         self.scripted.postpone(until_ns - from_ns)
 
@@ -187,13 +188,16 @@ class Population:
         """Set rows, law and mean group size of later arrivals."""
         self._source.set_marks(rows, law, mean_group_size)
 
-    def postpone(self, by_ns: int) -> None:
-        """Postpone given ends of lives, and scripted arrivals still to come, after a pause."""
-        self.scripted.postpone(by_ns)
+    def postpone(self, from_ns: int, until_ns: int) -> None:
+        """Postpone given ends of lives, and scripted arrivals still to come, by a pause.
+
+        Of the pause counts, for each artefact, what was left of it at its arrival.
+        """
+        self.scripted.postpone(until_ns - from_ns)
         for artefact_id in self._is_given:
             artefact = self._living[artefact_id]
             if artefact.departure_ns is not None:
-                artefact.departure_ns += by_ns
+                artefact.departure_ns += until_ns - max(from_ns, artefact.arrival_ns)
 
     def next_event_ns(self) -> int | None:
         """Return when `handle_next` has something to do [ns], None if never as things stand."""

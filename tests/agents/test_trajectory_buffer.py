@@ -190,6 +190,9 @@ def test_the_tape_knows_since_when_all_stand() -> None:
     far = GroundPose(1.0, 0.0, 0.0, 0.0)
     buffer.begin(2, 5 * STEP_NS + 7, GroundPose(0.0, 0.0, 0.0, 0.0), (6 * STEP_NS, far))
     assert buffer.still_since_ns == 6 * STEP_NS
+    buffer.clear()
+    buffer.record(2 * STEP_NS, 3 * STEP_NS, ids, rows, rows)
+    assert buffer.still_since_ns == 2 * STEP_NS
 
 
 def test_the_departed_keep_what_they_had() -> None:

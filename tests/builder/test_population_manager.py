@@ -1,6 +1,7 @@
 """The lives in the real world: who comes, who goes, who is moved, and that nothing else decides."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -204,6 +205,39 @@ def test_nothing_goes_on_in_a_pause(make_scene: Make) -> None:
     scene.builder.advance(scene.ns(20.0))
     ends = {event.artefact_id: event.stamp_ns for event in lives.take_events()}
     assert ends[given] == scene.ns(12.1)
+
+
+def test_a_life_that_begins_in_a_pause_is_as_long_as_another(make_scene: Make) -> None:
+    """It is postponed by what was left of the pause at its arrival."""
+    scene = make_scene()
+    scene.map(0.0)
+    scene.builder.advance(scene.ns(1.0))
+    lives = scene.builder.lives
+    lives.pause(scene.ns(1.0), is_paused=True)
+    guest = scene.place(0, (3.0, 3.0), 51.0, life_s=10.0)
+    lives.pause(scene.ns(101.0), is_paused=False)
+    assert lives.population.living[guest].departure_ns == scene.ns(111.0)
+
+
+@pytest.mark.parametrize("to_s", [20_000.0, 10.0])
+def test_a_scenario_begins_with_a_population_that_is_paused(
+    make_scene: Make, tmp_path: Path, to_s: float
+) -> None:
+    """As that of a node before it is activated, or across a jump of the clock."""
+    path = tmp_path / "scenario.yaml"
+    path.write_text("artefacts:\n  - {label: post, at: [3.0, 3.0, 0.0], arrives: 60.0}\n")
+    scene = make_scene({"population.scenario": str(path)})
+    lives = scene.builder.lives
+    lives.is_paused = True
+    scene.map(0.0)
+    scene.builder.advance(scene.ns(5.0))
+    lives.pause(scene.ns(10.0), is_paused=False)
+    assert lives.population.scripted.next_ns() == scene.ns(70.0)
+    scene.builder.advance(scene.ns(30.0))
+    lives.pause(scene.ns(30.0), is_paused=True)
+    scene.builder.step(scene.ns(to_s))
+    lives.pause(scene.ns(to_s + 10.0), is_paused=False)
+    assert lives.population.scripted.next_ns() == scene.ns(to_s + 70.0)
 
 
 def test_nobody_arrives_at_the_robots_goal(make_scene: Make) -> None:

@@ -121,6 +121,20 @@ def test_restart_goes_on_at_another_instant() -> None:
     assert process.next_ns() == first_ns - EPOCH_NS + 5
 
 
+@pytest.mark.parametrize("waited_s", [0, 3])
+def test_who_has_waited_waits_no_longer_after_a_jump(waited_s: int) -> None:
+    """The law knows no past: after a wait of any length the rest is exponential, mean 1 s."""
+    rests = []
+    for seed in range(2000):
+        process = ArrivalProcess(seed, rate_per_s=1.0, now_ns=EPOCH_NS)
+        until_ns = EPOCH_NS + waited_s * NS_PER_S
+        while (next_ns := process.next_ns()) is not None and next_ns <= until_ns:
+            process.pop()
+        process.restart(5, until_ns)
+        rests.append(((process.next_ns() or 0) - 5) / NS_PER_S)
+    assert stats.kstest(rests, "expon").pvalue > 0.001
+
+
 @pytest.mark.parametrize("rate", [-1.0, math.nan, math.inf])
 def test_no_other_rate_is_accepted(rate: float) -> None:
     """Negative, infinite and undefined rates are refused and change nothing."""

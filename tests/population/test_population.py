@@ -408,8 +408,10 @@ def test_only_given_ends_are_postponed_and_a_restart_forgets_all() -> None:
         origin=Origin.SERVICE,
         life_ns=NS_PER_S,
     ).artefact_id
-    population.postpone(500)
+    population.postpone(_seconds(2), _seconds(2) + 500)
     assert population.living[guest].departure_ns == _seconds(3) + 500
+    population.postpone(_seconds(1), _seconds(2) + 200)  # of which it was there for 200 ns
+    assert population.living[guest].departure_ns == _seconds(3) + 700
     assert {i: population.living[i].departure_ns for i in drawn} == drawn
     population.start(_seconds(2))
     population.set_rates(0.0, 100.0, 5.0, _seconds(2))
@@ -574,7 +576,7 @@ def test_rates_that_change_do_not_touch_those_who_leave() -> None:
     leaving = [one for one in population.living.values() if one.is_leaving]
     assert leaving
     population.set_rates(0.01, 100.0, 50.0, _seconds(20))
-    population.postpone(NS_PER_S)
+    population.postpone(_seconds(20), _seconds(21))
     assert all(one.departure_ns is None for one in leaving)
 
 

@@ -37,7 +37,7 @@ class Crossing:
 
     The path is an `ExpectedPath`. The artefact crosses as near in front of the robot as it can
     while it gets there a second earlier. If the robot is far away (12 m) or walls are in between,
-    it walks to the destination nearest to the robot's path; without a robot to any destination.
+    it walks to the destination nearest to a point ahead of the robot; without a robot to any.
     """
 
     name: ClassVar[str] = "crossing"

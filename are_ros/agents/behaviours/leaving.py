@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from are_ros.agents.navigation.destinations import Destinations
 
 EARLY_S: Final = 5.0
-"""Artefacts that have to be at an exit at the end of their lives mean to be there by so much."""
+"""So long before the end of its life [s] an artefact wants to be at its exit."""
 
 Hides = Callable[[npt.NDArray[np.float64]], npt.NDArray[np.bool_]]
 """Tells at which points (N, 2) [m], map frame, no camera would see a person: bool (N,)."""

@@ -23,7 +23,7 @@ Point = tuple[float, float]
 
 
 WORTH: Final = 0.025
-"""What a second of a behaviour is worth for which the situation speaks."""
+"""The reward per second of a behaviour that suits the situation."""
 
 ARRIVE_WITHIN_M: Final = 0.4
 """Within this distance a goal counts as reached, unless the intent gives another."""
@@ -63,7 +63,7 @@ class Behaviour(Protocol):
     name: ClassVar[str]
 
     def decide(self, situation: "Situation") -> Intent:
-        """Return the intent of the artefact; called once per decision period (1 s)."""
+        """Return the intent of the artefact; called once per `decision_period`."""
 
 
 def stand(activity: str, face_m: Point | None = None) -> Intent:

@@ -37,8 +37,8 @@ Choose = Callable[[Situation, npt.NDArray[np.bool_]], int | None]
 def any_destination(situation: Situation, is_shut: npt.NDArray[np.bool_]) -> int | None:
     """Draw one of the destinations 3 to 40 m away.
 
-    If there is none, return the nearest one farther away, else the farthest one nearer than 3 m
-    that is a trip at all.
+    If there is none, return the nearest one farther away, else the farthest one within 3 m that is
+    at least `least_trip_m` away.
     """
     distances_m = distances_to_destinations(situation)
     near = distances_m < _SHORTEST_TRIP_M

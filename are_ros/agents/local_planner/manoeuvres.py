@@ -3,9 +3,9 @@
 The way ahead is the shortest one: an arc, then its tangent. Where walls are on it, or others that
 stand on the arc, a search (A*) over legs of the tightest curvature and straight ones, forward and
 in reverse, finds the cheapest that lead to a pose from where it is open. The vehicle drives them
-one after the other, until the way is open or its goal lies elsewhere. It waits for who moves or is
-about to; if that lasts, it searches again. Where those that stand leave it no manoeuvre, it waits
-for them.
+one after the other, until the way is open or its goal lies elsewhere. It waits for agents that
+move or will soon; if that lasts, it searches again. Where those that stand leave it no manoeuvre,
+it waits for them.
 """
 
 import math

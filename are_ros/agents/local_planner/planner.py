@@ -121,7 +121,7 @@ class LocalPlanner:
         if is_new:
             mark_closed(arrays, table.now, floor, self._workspace.box)
         mark_broken(arrays, table.now)
-        self.user_planners.ask(self._workspace.wishes, index, environment, robot)
+        self.user_planners.ask(self._workspace.wishes, index, environment.grid, floor, robot)
         path = robot_path(robot, table.timing.step_s)
         moved, poses = run(arrays, table.now, index, table.timing, floor, path, self._workspace)
         table.now += 1
@@ -137,7 +137,7 @@ class LocalPlanner:
         is_moving = now - place["begin"] < place["last"]
         is_active = is_moving | (arrays.command["has_goal"] != 0)
         is_active |= arrays.memory["pushed_until"] > now
-        if robot is not None and robot.speed_mps > 0.0:
+        if robot is not None and robot.is_moving:
             is_active |= arrays.body["speed"] > 0.0
         return not is_active.any()
 
@@ -153,7 +153,7 @@ class LocalPlanner:
         return np.array(self._table.arrays.path[row, first : int(place["last"]) + 1, :3])
 
     def is_clear(self, boxes: OrientedBoxes) -> _Mask:
-        """Tell which boxes (M,), standing from now on, are met by no trajectory."""
+        """Tell which boxes (M,), standing from now on, meet no trajectory; in the map frame."""
         packed = boxes.packed
         poses = np.zeros((len(packed), 6))
         poses[:, X], poses[:, Y], poses[:, YAW] = packed[:, 0], packed[:, 1], boxes.yaws_rad

@@ -36,6 +36,11 @@ class RobotMotion:
         return float(np.hypot(self.vx_mps, self.vy_mps))
 
     @property
+    def is_moving(self) -> bool:
+        """Whether it drives, or turns on the spot."""
+        return self.speed_mps > 0.0 or self.yaw_rate != 0.0
+
+    @property
     def radius_m(self) -> float:
         """The radius of the disc about the base that holds the footprint [m]."""
         corners = self.footprint.vertices_m - (self.x_m, self.y_m)
@@ -58,7 +63,7 @@ class RobotMotion:
     @property
     def swept(self) -> Footprint:
         """The convex hull of where it will be until `PREDICTION_S`; where it is if it stands."""
-        if self.speed_mps == 0.0:
+        if not self.is_moving:
             return self.footprint
         outlines_m = self.outlines_m(0.25 * PREDICTION_S, 4)
         return Footprint(outlines_m.reshape(-1, 2), self.footprint.radius_m)

@@ -118,7 +118,7 @@ def _walk(
     k = 0
     while k < steps:
         speed, want = path[k, SPEED], option[2]
-        if 2 * k == steps and option[4] != heading:
+        if k == steps // 2 and option[4] != heading:
             heading = option[4]
             c, s = np.cos(heading), np.sin(heading)
         if to_point:
@@ -138,7 +138,7 @@ def _walk(
         if turn == 0.0 and speed == 0.0 and faster < _STILL:
             return k
         if turn == 0.0 and speed == faster and not to_point:  # nothing changes for a while
-            turns_on = option[4] != heading and steps % 2 == 0 and 2 * k < steps
+            turns_on = option[4] != heading and k < steps // 2
             pose, until = path[k], steps // 2 if turns_on else steps
             way = 0.5 * (pose[SPEED] + pose[SPEED]) * dt
             dx, dy = way * pose[COS], way * pose[SIN]

@@ -69,7 +69,7 @@ COMMAND = np.dtype(
         ("x", "f8"),
         ("y", "f8"),
         ("speed", "f8"),
-        ("stops", "i8"),  # 1: the way ends at (x, y), 2: it goes on there, nobody has said where
+        ("stops", "i8"),  # 1: the way ends at (x, y), 2: it goes on, the next sub-goal is unknown
         ("face", "f8"),  # nan: none
         ("comfort", "f8"),
         ("robot_comfort", "f8"),

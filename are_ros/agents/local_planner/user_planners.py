@@ -22,8 +22,9 @@ from are_ros.errors import BehaviourError, CatalogueError
 
 if TYPE_CHECKING:
     from are_ros.agents.local_planner.robot import RobotMotion
+    from are_ros.agents.local_planner.state import ClearanceLayer
     from are_ros.agents.table import AgentTable
-    from are_ros.world.environment import Environment
+    from are_ros.world.occupancy_grid import OccupancyGrid
 
 _SEES_M: Final = 10.0
 
@@ -43,7 +44,8 @@ class PlanningScene(NamedTuple):
 
     `me` and its heading; the sub-goal, the speed wanted, and whether the way ends there.
     `turn_radius_m` is 0 for an agent that turns on the spot. `others` are those within 10 m, the
-    nearest first. `clearance_m(x_m, y_m)` is the distance of a point from closed ground.
+    nearest first. `clearance_m(x_m, y_m)` is how far the cell of a point is from one that is closed
+    for a body of this height, from middle to middle; 0 beyond the map.
     """
 
     now_ns: int
@@ -132,7 +134,8 @@ class UserPlanners:
         self,
         wishes: npt.NDArray[np.float64],
         index: int,
-        environment: "Environment",
+        grid: "OccupancyGrid",
+        floor: "ClearanceLayer",
         robot: "RobotMotion | None",
     ) -> None:
         """Ask the planners of the agents that plan in this sub-step; write `wishes` (N, K, 2)."""
@@ -146,7 +149,7 @@ class UserPlanners:
             own = self._owned[ids[row]]
             is_due = arrays.due[row] <= table.now and arrays.command["has_goal"][row]
             if is_due and not own.has_failed:
-                scene = _scene(table, row, index * self._period_ns, environment, robot)
+                scene = _scene(table, row, index * self._period_ns, grid, floor, robot)
                 call = BehaviourCall(
                     ids[row], table.artefacts[row].row.label, scene.now_ns, "planner"
                 )
@@ -166,11 +169,19 @@ def _scene(
     table: "AgentTable",
     row: int,
     now_ns: int,
-    environment: "Environment",
+    grid: "OccupancyGrid",
+    floor: "ClearanceLayer",
     robot: "RobotMotion | None",
 ) -> PlanningScene:
     """Return what the planner of the agent of a row sees."""
     arrays = table.arrays
+    layers = floor.clearance
+    field = layers[min(int(arrays.body["terrain"][row]), len(layers) - 1)]
+
+    def clearance_m(x_m: float, y_m: float) -> float:
+        cell = grid.cell_at(x_m, y_m)
+        return 0.0 if cell is None else float(field[cell])
+
     command, body, motion = arrays.command[row], arrays.body[row], table.motion
     away_m = np.hypot(*(motion[:, :2] - motion[row, :2]).T)
     near = [n for n in np.argsort(away_m, kind="stable").tolist() if away_m[n] <= _SEES_M]
@@ -184,7 +195,7 @@ def _scene(
         float(body["turn_radius"]),
         tuple(_mover(motion[n], table.radii_m[n]) for n in near if n != row),
         None if robot is None else _robot_mover(robot),
-        lambda x_m, y_m: float(environment.lookup(np.array([(x_m, y_m)]))[0]),
+        clearance_m,
     )
 
 

@@ -2,16 +2,15 @@
 
 import math
 from collections import OrderedDict
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros.agents.mdp import coarse_kernels as _coarse_kernels
 from are_ros.agents.navigation import ground as _ground_kernels
-from are_ros.world.environment import Environment
+from are_ros.agents.navigation.terrain import Terrain
 from are_ros.world.lattice_cover import lattice_row
-from are_ros.world.occupancy_grid import OccupancyGrid
 
 SEARCH_M: Final = 2.0
 """Largest distance of a point from its cell, along each axis of the grid."""
@@ -27,26 +26,6 @@ person, and small radii are few."""
 MAPS_KEPT: Final = 64
 
 Cell = tuple[int, int]
-
-
-class TerrainLike(Protocol):
-    """What a coarse map needs of a terrain."""
-
-    @property
-    def environment(self) -> Environment:
-        """The environment, whose version distinguishes maps."""
-
-    @property
-    def grid(self) -> OccupancyGrid:
-        """The grid that the clearance belongs to."""
-
-    @property
-    def height_m(self) -> float:
-        """The body height for which the terrain is valid [m]."""
-
-    @property
-    def clearance_m(self) -> npt.NDArray[np.float32]:
-        """Distance (H, W) [m] between centres to the nearest closed cell."""
 
 
 class CoarseMap:
@@ -68,7 +47,7 @@ class CoarseMap:
     environment, height, radius, cell size. `ground` is for kernels.
     """
 
-    def __init__(self, terrain: TerrainLike, radius_m: float, cell_size_m: float = 0.5) -> None:
+    def __init__(self, terrain: Terrain, radius_m: float, cell_size_m: float = 0.5) -> None:
         """Coarsen a terrain; it takes some 10 ns per fine cell."""
         self.grid = terrain.grid
         self.radius_m = radius_m
@@ -164,7 +143,7 @@ class CoarseMaps:
         self._cell_size_m = cell_size_m
         self._maps: OrderedDict[tuple[int, float, float], CoarseMap] = OrderedDict()
 
-    def of(self, terrain: TerrainLike, radius_m: float) -> CoarseMap:
+    def of(self, terrain: Terrain, radius_m: float) -> CoarseMap:
         """Return the map for a disc, its radius rounded up."""
         radius_m = rounded_up_m(radius_m)
         key = (terrain.environment.version, terrain.height_m, radius_m)

@@ -179,7 +179,7 @@ def _find_after(
 
 @borrowing
 def _slip(values: ValueArrays, here: float, moves: Moves) -> None:
-    """Find what the moves bring that may slip aside or fail, where an epoch costs so much."""
+    """Compute the values of moves that may slip; `here` is what an epoch in the cell costs."""
     straight, fails, aside = values.chances
     for pace in range(moves.gains.shape[0]):
         for direction in range(4):
@@ -196,9 +196,9 @@ def _slip(values: ValueArrays, here: float, moves: Moves) -> None:
 def _price(
     values: ValueArrays, anchors_m: Doubles, others: Doubles, row: int, col: int
 ) -> tuple[float, bool]:
-    """Return what an epoch in a cell costs, and whether somebody will be where one stands in it.
+    """Return what an epoch in a cell costs, and whether another will cover the cell's anchor.
 
-    That is time, walls, and others by how near they are.
+    The price is time, walls, and others by how near they are.
     """
     row, col = row + values.corner[0], col + values.corner[1]
     total, is_occupied = (

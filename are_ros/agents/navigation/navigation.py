@@ -220,6 +220,7 @@ class Navigation:
             return Prospect(Prospects.ARRIVED)
         active = known.get(key)
         if active is not None and active.environment is self._environment:
+            known[key] = known.pop(key)  # the last to be dropped
             prospect = self._prospect_by(request, key, view, around, index)
             if prospect.kind is not Prospects.NO_WAY:
                 return prospect

@@ -52,7 +52,7 @@ class Existence(NamedTuple):
 class Belief:
     """The probabilities of what a track is, or does, by the numbers of the possibilities.
 
-    Later numbers than there are probabilities are of what nobody did when the track began.
+    Numbers beyond the probabilities are of behaviours first seen after the track began.
     """
 
     def __init__(self, prior: Floats) -> None:
@@ -103,9 +103,13 @@ class Census:
     def __init__(self, classes: Mapping[str, float]) -> None:
         """Take the classes with the probabilities that the catalogue gives them."""
         self.classes = tuple(classes)
-        self._expected = np.array(tuple(classes.values())) + 1.0 / len(classes)
+        self.expect(classes)
         self._artefacts = np.zeros(len(classes))
         self._false_alarms = 0
+
+    def expect(self, classes: Mapping[str, float]) -> None:
+        """Take other probabilities of the same classes; the counts stay."""
+        self._expected = np.array(tuple(classes.values())) + 1.0 / len(classes)
 
     def existence(self, *, are_false_alarms_possible: bool) -> Existence:
         """Return the share of artefacts among the tracks so far, by the rule of succession."""
@@ -141,9 +145,16 @@ class BehaviourLaw:
         count = len(shares)
         self.names = list(shares)
         self._mean_life_s = mean_life_s
-        self._begun = np.array(tuple(shares.values())) + 1.0 / count
+        self._shares = np.array(tuple(shares.values()))
+        self._begun = self._shares + 1.0 / count
         self._lasted_s = np.zeros(count)
         self._changes = np.zeros((count, count))
+
+    def expect(self, shares: Mapping[str, float], mean_life_s: float) -> None:
+        """Take other shares of the same behaviours; the counts stay."""
+        before, self._shares = self._shares, np.array(tuple(shares.values()))
+        self._begun[: len(before)] += self._shares - before
+        self._mean_life_s = mean_life_s
 
     def belief(self) -> Belief:
         """Return the belief of a track that begins: the shares among those that began before."""

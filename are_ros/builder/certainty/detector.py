@@ -35,22 +35,34 @@ class Detector:
     """Tracks what it detects, with all that goes wrong with it (docs/certainty.md).
 
     It only reads the artefacts: what they do never depends on it. All draws come from generators of
-    its own, one for each purpose and artefact. `parameters` may change from tick to tick.
+    its own, one for each purpose and artefact.
     """
 
     def __init__(self, parameters: Parameters, catalogue: Catalogue) -> None:
-        self.parameters = parameters
-        self._rows, self._law = catalogue.rows, mixture_of(parameters, catalogue)
+        self._catalogue = catalogue
+        self._know(parameters)
+        self.reseed(parameters.seed)
+
+    def reconfigure(self, parameters: Parameters) -> None:
+        """Use other values of the live parameters from now on; what was counted so far stays."""
+        self._know(parameters)
+        self._false_alarms.law = self._law
+        self._census.expect(self._shares)
+        self._behaviours.expect(self._behaviour_shares, parameters.population.mean_life)
+
+    def _know(self, parameters: Parameters) -> None:
+        """Take the parameters, and the shares of classes and behaviours that follow from them."""
+        self.parameters, catalogue = parameters, self._catalogue
+        self._law = mixture_of(parameters, catalogue)
         probabilities = self._law.probabilities()
         shares = catalogue.class_probabilities(probabilities).tolist()
         self._shares = dict(zip(catalogue.class_names, shares, strict=True))
-        self._behaviour_shares = behaviour_shares(self._rows, probabilities)
-        self.reseed(parameters.seed)
+        self._behaviour_shares = behaviour_shares(catalogue.rows, probabilities)
 
     def reseed(self, seed: int) -> None:
         """Draw from another seed, and begin anew."""
         self._streams = _Streams(seed)
-        self._false_alarms = FalseAlarms(seed, self._rows, self._law)
+        self._false_alarms = FalseAlarms(seed, self._catalogue.rows, self._law)
         self._census = Census(self._shares)
         mean_life_s = self.parameters.population.mean_life
         self._behaviours = BehaviourLaw(self._behaviour_shares, mean_life_s)

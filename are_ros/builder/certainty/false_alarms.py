@@ -45,7 +45,7 @@ class FalseAlarms:
     def __init__(
         self, seed: int, rows: Sequence[CatalogueRow], law: TruncatedPoissonMixture
     ) -> None:
-        self._seed, self._rows, self._law = seed, rows, law
+        self._seed, self._rows, self.law = seed, rows, law
         self._numbers = generator(seed, Purpose.FALSE_ALARM, 0)
         self._next_id = FIRST_ID
 
@@ -60,7 +60,7 @@ class FalseAlarms:
     def _begin(self, number: int, now_ns: int, life_s: float, view: View) -> FalseAlarm | None:
         """Draw places, uniform over the free area within the range, until the camera sees one."""
         draws = generator(self._seed, Purpose.FALSE_ALARM, number)
-        row = self._rows[self._law.sample(draws)]
+        row = self._rows[self.law.sample(draws)]
         end_ns = now_ns + max(1, seconds_to_ns(draws.exponential(life_s)))
         corners_m = _free_corners_m(view)
         if not len(corners_m):

@@ -243,7 +243,7 @@ class Track:
 
 
 def _turned(covariance: Floats, angle_rad: float) -> Floats:
-    """Return a covariance (3, 3) of x, y and yaw in axes from which the old ones are turned so."""
+    """Return a covariance (3, 3) of x, y and yaw, rotated by an angle about z."""
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     turn = np.array(((cos, -sin, 0.0), (sin, cos, 0.0), (0.0, 0.0, 1.0)))
     return _spread(turn, covariance)

@@ -310,7 +310,7 @@ def _check_ends(tally: Tally, record: Record, places: BoxPositions, scan: Change
 
 
 def check_depths(record: Record) -> CheckResult:
-    """Depth images are what one gets who computes them anew, pixel by pixel."""
+    """Depth images equal an independent recomputation, pixel by pixel."""
     tally = Tally("depth images computed anew", "pixel")
     settings, pairs = record.settings, record.scans.kept_depths.kept
     if record.is_live:

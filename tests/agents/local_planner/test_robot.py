@@ -34,9 +34,10 @@ def test_it_goes_on_along_its_arc() -> None:
     assert motion.outlines_m(0.05, 20)[20] == pytest.approx(expected.vertices_m, abs=1e-6)
 
 
-def test_the_area_that_it_sweeps_holds_all_outlines() -> None:
-    """On an arc, too, but for what the chords of its quarters leave out; standing, it is itself."""
-    motion = RobotMotion(_SQUARE.at(1.0, 2.0, 0.5), 1.0, 2.0, 0.5, 0.8, -0.4, 0.6)
+@pytest.mark.parametrize(("vx_mps", "yaw_rate"), [(0.8, 0.6), (0.0, 0.6), (0.0, -1.0)])
+def test_the_area_that_it_sweeps_holds_all_outlines(vx_mps: float, yaw_rate: float) -> None:
+    """On an arc and on the spot, but for what the chords of its quarters leave out."""
+    motion = RobotMotion(_SQUARE.at(1.0, 2.0, 0.5), 1.0, 2.0, 0.5, vx_mps, -0.5 * vx_mps, yaw_rate)
     boxes_m = motion.outlines_m(0.05, 30).reshape(-1, 2)
     points = OrientedBoxes(
         np.column_stack((boxes_m, np.zeros(len(boxes_m)))),
@@ -44,5 +45,7 @@ def test_the_area_that_it_sweeps_holds_all_outlines() -> None:
         np.full((len(boxes_m), 3), 1e-6),
     )
     assert signed_distance_m(motion.swept, points).max() < 0.03
-    still = RobotMotion(_SQUARE.at(1.0, 2.0, 0.5), 1.0, 2.0, 0.5, 0.0, 0.0, 0.6)
+    assert motion.is_moving
+    still = RobotMotion(_SQUARE.at(1.0, 2.0, 0.5), 1.0, 2.0, 0.5, 0.0, 0.0, 0.0)
+    assert not still.is_moving
     assert still.swept is still.footprint

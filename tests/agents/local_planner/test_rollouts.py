@@ -26,7 +26,11 @@ _angles = st.floats(-6.0, 6.0)
 
 
 def _rolled(
-    body: Body, start: tuple[float, float], option: list[float], goal: tuple[float, float]
+    body: Body,
+    start: tuple[float, float],
+    option: list[float],
+    goal: tuple[float, float],
+    tempo: _state.PlannerTiming = _TEMPO,
 ) -> np.ndarray:
     """Return the path of an option from the origin, with (yaw, speed) at the start."""
     path = np.zeros((90, 6))
@@ -35,9 +39,18 @@ def _rolled(
     record = np.zeros(1, _state.BODY)
     _state.write_body(record[0], body, 0)
     row = np.array(option)
-    last = _rollouts.roll_out(path, row, np.array(goal), record[0], _TEMPO)
+    last = _rollouts.roll_out(path, row, np.array(goal), record[0], tempo)
     assert path[last, _state.SPEED] == 0.0
     return path[: last + 1]
+
+
+@pytest.mark.parametrize("walk", [20, 25, 5])
+def test_a_step_aside_leads_on_after_half_of_it(walk: int) -> None:
+    """However many sub-steps it has: with steps of 0.04 s they are odd."""
+    tempo = _state.PlannerTiming(1.0 / walk, walk, 2 * walk, walk)
+    path = _rolled(PERSON, (0.0, 1.0), [HEADING, 0.6, 1.0, 0.0, 0.0], (9.0, 0.0), tempo)
+    assert path[:, _state.YAW].max() > 0.3
+    assert abs(path[-1, _state.YAW]) < 0.05
 
 
 def _inspect(path: np.ndarray, body: Body) -> None:

@@ -12,6 +12,8 @@ from are_ros.agents.local_planner.robot import RobotMotion
 from are_ros.agents.local_planner.user_planners import why_not
 from are_ros.errors import BehaviourError
 from are_ros.world.footprint import Footprint, signed_distance_m
+from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.voxel_map import VoxelMap
 from tests.agents.local_planner import own_planners
 from tests.agents.local_planner.own_planners import MODULE
 from tests.agents.local_planner.streets import PERSON, SCOOTER, Street, environment, room
@@ -103,6 +105,21 @@ def test_what_a_planner_sees() -> None:
     assert scene.clearance_m(2.0, 3.0) == pytest.approx(1.9, abs=0.08)
     street.run(1.0)
     assert street.speeds[0] == 0.0  # it proposed nothing, so it brakes
+
+
+def test_a_planner_sees_what_hangs_over_the_floor() -> None:
+    """A table top at the height of a head is closed to a person, and its clearance is 0."""
+    along = np.arange(0.5, 1.5, 0.1) + 5.05
+    top = np.array([(x_m, y_m, 0.75) for x_m in along for y_m in along])
+    voxels = VoxelMap.from_centres(top, 0.1, RigidTransform.identity())
+    street = Street(environment(room(14.0, 14.0), voxels=voxels))
+    street.add(1, 2.0, 3.0, 0.0)
+    street.send(1, 12.0, 4.0, planner=f"{MODULE}:Looks")
+    street.step()
+    scene = own_planners.Looks.seen
+    assert scene.clearance_m(6.0, 6.0) == 0.0
+    assert scene.clearance_m(2.0, 6.0) > 1.5
+    assert scene.clearance_m(-1.0, 6.0) == 0.0
 
 
 def test_one_that_raises_stops_a_replay_with_one_sentence() -> None:

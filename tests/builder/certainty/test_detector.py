@@ -65,6 +65,24 @@ def test_what_is_told_of_one_does_not_depend_on_the_others() -> None:
     assert len(alone) > 20
 
 
+def test_live_parameters_change_what_it_expects() -> None:
+    """Classes and false alarms by another mixture, as a detector has that begins with it."""
+    skewed = {"mixture.weights": (1.0,), "mixture.rates": (0.01,)}
+    kept, new = detector(), detector(skewed)
+    old = kept._census.class_belief()
+    kept.reconfigure(new.parameters)
+    assert kept._census.class_belief().probabilities == pytest.approx(
+        new._census.class_belief().probabilities
+    )
+    assert kept._census.class_belief().probabilities[0] > old.probabilities[0] + 0.1
+    assert kept._false_alarms.law.probabilities() == pytest.approx(
+        new._false_alarms.law.probabilities()
+    )
+    assert kept._behaviours.belief().probabilities == pytest.approx(
+        new._behaviours.belief().probabilities
+    )
+
+
 def test_a_list_is_in_the_order_of_ids_and_of_its_stamp() -> None:
     """The false alarms come last."""
     for perception in run({}, walkers(20)):
