@@ -102,6 +102,7 @@ class ArBuilder(Simulation):
         perception = Perception(now_ns, paths=() if self._predicts else None)
         self.show_everything()
         self._forget()
+        self._register(nobody)
         self._seen = {}
         return Tick(
             stamp_ns=now_ns,

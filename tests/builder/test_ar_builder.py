@@ -874,6 +874,7 @@ def test_the_octomap_shows_whom_the_gate_admits(make_scene: Make) -> None:
     assert (np.abs(added.max(axis=0) - high_m) <= 0.1).all()
     bare = scene.builder.farewell(scene.ns(0.35))
     assert len(octomap_points(bare)) == 100
+    assert (bare.metrics.alive, bare.metrics.clutter_ratio) == (0, 0.0)
     assert scene.builder.farewell(scene.ns(0.36)).octomap is None
     assert len(octomap_points(scene.tick(0.4))) == len(points)
     assert len(octomap_points(scene.tick(0.9))) == 100
