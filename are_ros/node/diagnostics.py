@@ -14,7 +14,7 @@ from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.cdr import CdrWriter
-from are_ros.messages.sensors import SENSORS
+from are_ros.messages.sensors import SENSORS, noun_of
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.watches import (
     GRACE_S,
@@ -311,7 +311,7 @@ def name_doubt(snapshot: NodeSnapshot) -> str:
         return ""
     return (
         f"another node is called {snapshot.namesake}, too: they publish on the same topics; "
-        "end one, or rename it (-r __node:=other)"
+        "end one, or give one a namespace (--namespace)"
     )
 
 
@@ -458,6 +458,7 @@ def _contacts(snapshot: NodeSnapshot) -> Status:
 
 def _sensor(sensor: SensorSnapshot) -> Status:
     name = f"{SENSORS[sensor.role].parameter}/{sensor.topic.lstrip('/')}"
+    noun = noun_of(sensor.role)
     values = {
         "exact": str(sensor.exact),
         "held": str(sensor.held),
@@ -466,16 +467,16 @@ def _sensor(sensor: SensorSnapshot) -> Status:
         "late transforms": figure(sensor.late_s or None, "s", 3),
     }
     if sensor.passed_through_lately:
-        passed = counted(sensor.passed_through_lately, sensor.role)
+        passed = counted(sensor.passed_through_lately, noun)
         message = f"{passed} without artefacts in the last 10 s: {sensor.last_problem}"
         if sensor.late_s:
             needed_s = math.ceil(100.0 * sensor.late_s + 1.0) / 100.0
             message += (
-                f"; transforms come up to {sensor.late_s:.3f} s after the {several(sensor.role)}: "
+                f"; transforms come up to {sensor.late_s:.3f} s after the {several(noun)}: "
                 f"set sensors.tf_wait to {needed_s:.2f}"
             )
         return Status(Level.WARN, name, message, values)
-    augmented = counted(sensor.exact + sensor.held, sensor.role)
+    augmented = counted(sensor.exact + sensor.held, noun)
     return Status(Level.OK, name, f"{augmented} augmented", values)
 
 

@@ -22,6 +22,7 @@ _TYPES: Final = {
     "pause": "std_srvs/srv/SetBool",
 }
 _NOT_ACTIVE: Final = "the node is not active: configure and activate it first"
+_NO_TIME: Final = "use_sim_time is true, but nothing came on /clock: the time stands still"
 
 
 class Services:
@@ -61,8 +62,8 @@ class Services:
         def answer(request: Any, response: Any) -> Any:
             live = self._live()
             response.success = False
-            if live is None:
-                response.message = _NOT_ACTIVE
+            if live is None or not self._now_ns():
+                response.message = _NOT_ACTIVE if live is None else _NO_TIME
                 return response
             try:
                 with self._turn("services"):

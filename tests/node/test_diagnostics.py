@@ -181,7 +181,7 @@ TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
         Level.WARN,
         (
             "active; another node is called /ar_builder, too: they publish on the same topics; "
-            "end one, or rename it (-r __node:=other)"
+            "end one, or give one a namespace (--namespace)"
         ),
     ),
     (

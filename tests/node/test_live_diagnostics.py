@@ -143,6 +143,9 @@ def test_without_a_clock_that_is_said(make_bench: MakeBench) -> None:
         ERROR,
         "use_sim_time is true, but nothing came on /clock: the time stands still",
     )
+    for service in ("clear", "reseed", "pause"):
+        answer = bench.call(service)
+        assert (answer.success, answer.message) == (False, said(bench, "clock")[1])
 
 
 def test_a_forgotten_simulated_time_is_the_cause(make_bench: MakeBench) -> None:

@@ -340,9 +340,10 @@ def publish(user: Any, role: str, message: Any) -> Any:
 
 
 def spawn(ros: RosWorld, user: Any, pose: Any) -> int:
-    """Place a post, and return its id."""
+    """Place a post for an hour, and return its id: a machine that stalls makes tests long."""
     kind = service_class("are_msgs/srv/SpawnArtefact")
     request = kind.Request(pose=pose, label="post")  # any row of the label
+    request.life.sec = 3600
     answer = ask(ros, user, "spawn", kind, request)
     assert answer.success, answer.message
     return int(answer.id)

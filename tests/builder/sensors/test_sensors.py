@@ -10,6 +10,7 @@ import pytest
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.builder.sensors.obstacles import Obstacles
 from are_ros.builder.sensors.sensor_path import SensorPath, SensorPathCounts
+from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.transforms.tree import FrameTree
@@ -72,6 +73,24 @@ def test_how_late_the_transform_was_of_a_scan_that_left() -> None:
     path.queue.transforms_came(150)
     assert path.queue.late_ns == 130
     path.queue.wait_ns = 130
+    assert path.queue.late_ns == 0
+    path.queue.wait_ns = 50
+    path.queue.transforms_came(150 + 10 * NS_PER_S)
+    assert path.queue.late_ns == 130
+    path.queue.transforms_came(151 + 10 * NS_PER_S)
+    assert path.queue.late_ns == 0  # that was long ago
+
+
+def test_transforms_that_failed_to_come_for_a_while_are_no_late_ones() -> None:
+    """No wait would have been long enough: poses of artefacts are kept for 1000 ns."""
+    path = Path()
+    path.correction(0)
+    path.odom(0)
+    path.push(10, 20)
+    path.queue.deadline_passed(70)
+    path.correction(900)
+    path.odom(900)
+    path.queue.transforms_came(800)
     assert path.queue.late_ns == 0
 
 
