@@ -72,8 +72,8 @@ SPOT_M, MANOEUVRING_S, STUCK_S, TURNS_S = 0.3, 3.0, 8.0, 24.0
 """An agent with a goal that stays within `SPOT_M` is said to manoeuvre after `MANOEUVRING_S`, as is
 a vehicle that turns round in legs, and counts as blocked after `STUCK_S`: a car that shunts in
 clutter moves, and makes no progress. So does one whose value of the goal has not grown for that
-time: it paces to and fro. A vehicle in a manoeuvre has `TURNS_S`: its value
-grows only after the manoeuvre."""
+time: it paces to and fro. A vehicle in a manoeuvre has `TURNS_S`: its value grows
+only after the manoeuvre."""
 
 _MOVES: Final = 5
 _NO_LOSS, _NEAR_EXIT_S = 0.1, 2.0

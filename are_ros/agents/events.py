@@ -119,8 +119,8 @@ class PredictedPath:
 class SceneMetrics:
     """Counts since the start, and the measures of section 4 at one tick (are_msgs/SceneMetrics).
 
-    `clutter_ratio` is nu of Eq. 4; `rho` is that of Eq. 3: NaN, as the
-    planning time is not known here.
+    `clutter_ratio` is nu of Eq. 4; `rho` is that of Eq. 3: NaN, as the planning
+    time is not known here.
     """
 
     alive: int

@@ -83,8 +83,7 @@ class Observation:
     """What an observer sees: the pose of its base, and A_f by id, the union over its cameras.
 
     `map_from_camera` is the pose of the first camera at its last look. Poses are None where they
-    are not known.
-    `looks` are those of this tick, None where it was no camera's time to look.
+    are not known. `looks` are those of this tick, None where it was no camera's time to look.
     """
 
     map_from_base: RigidTransform | None = None
