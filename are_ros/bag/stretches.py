@@ -16,6 +16,7 @@ import numpy as np
 from are_ros.bag.clock import MOVING_ROLES, BagClock, Edge, Ints, RecordedTimes, begin_of
 from are_ros.bag.reader import BagReader
 from are_ros.builder.population_manager import IDLE_NS
+from are_ros.builder.sensors.sensor_path import REACH
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import BagError
 from are_ros.parameters.model import PosesParameters, SensorsParameters
@@ -28,8 +29,6 @@ _STRAY_NS: Final = NS_PER_S
 _SILENCE_NS: Final = 10 * NS_PER_S
 """A shorter time without a moving message is not worth a sentence."""
 _SHOWN_GAPS: Final = 3
-_REACH: Final = 0.75
-"""A scan may wait for this share of `poses.history`; the rest is for its own delay."""
 _WAIT_STEP_NS: Final = NS_PER_S // 100
 
 Span = tuple[int, int]
@@ -254,7 +253,7 @@ def wait_sentence(topic: str, noun: str, waits_ns: Ints, count: int) -> str:
     known_ns = in_reach(waits_ns, history_s)
     late, lost = len(waits_ns) - len(known_ns), count - len(waits_ns)
     readings = counted(count, noun)
-    most = f"more than {_REACH * history_s:g} s, too late for any wait"
+    most = f"more than {REACH * history_s:g} s, too late for any wait"
     said_of = [f"{late} of {readings} get their transform after {most}"] * (late > 0)
     said_of += [f"{lost} of {readings} never get their transform"] * (lost > 0)
     never = "; ".join(said_of)
@@ -276,4 +275,4 @@ def wait_sentence(topic: str, noun: str, waits_ns: Ints, count: int) -> str:
 
 def in_reach(waits_ns: Ints, history_s: float) -> Ints:
     """Return those of the waits, int64 (N,) [ns], that end while poses of artefacts are kept."""
-    return waits_ns[waits_ns < _REACH * history_s * NS_PER_S]
+    return waits_ns[waits_ns < REACH * history_s * NS_PER_S]

@@ -113,7 +113,9 @@ class PopulationManager:
         )
         self.is_paused = False
         self._paused_ns = 0
+        """When the pause began, or the population within it."""
         self._advanced_ns: int | None = None
+        """Up to when it has run; None: it has not begun."""
         self.goal: Footprint | None = None
         self.plan_m: npt.NDArray[np.float64] = np.empty((0, 2))
         self.viewpoints: Callable[[int], Sequence[Viewpoint]] = lambda _: ()

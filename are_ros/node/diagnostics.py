@@ -315,11 +315,13 @@ def name_doubt(snapshot: NodeSnapshot) -> str:
     )
 
 
+WITHOUT_CLOCK: Final = "use_sim_time is true, but nothing came on /clock: the time stands still"
+
+
 def _clock(snapshot: NodeSnapshot) -> Status:
     values = {"use_sim_time": "true" if snapshot.uses_sim_time else "false"}
     if snapshot.uses_sim_time and snapshot.is_without_clock:
-        message = "use_sim_time is true, but nothing came on /clock: the time stands still"
-        return Status(Level.ERROR, "clock", message, values)
+        return Status(Level.ERROR, "clock", WITHOUT_CLOCK, values)
     if doubt := clock_doubt(snapshot):
         return Status(Level.ERROR, "clock", doubt, values)
     message = "the time of /clock" if snapshot.uses_sim_time else "the time of this machine"

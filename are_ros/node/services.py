@@ -10,6 +10,7 @@ from are_ros.builder.spawning.requests import SpawnRequest
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, InputError, PlacementError
 from are_ros.messages.goals import read_stamped_pose
+from are_ros.node.diagnostics import WITHOUT_CLOCK
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.message_classes import service_class
 from are_ros.wording import counted
@@ -22,7 +23,6 @@ _TYPES: Final = {
     "pause": "std_srvs/srv/SetBool",
 }
 _NOT_ACTIVE: Final = "the node is not active: configure and activate it first"
-_NO_TIME: Final = "use_sim_time is true, but nothing came on /clock: the time stands still"
 
 
 class Services:
@@ -62,8 +62,11 @@ class Services:
         def answer(request: Any, response: Any) -> Any:
             live = self._live()
             response.success = False
-            if live is None or not self._now_ns():
-                response.message = _NOT_ACTIVE if live is None else _NO_TIME
+            if live is None:
+                response.message = _NOT_ACTIVE
+                return response
+            if not self._now_ns():
+                response.message = WITHOUT_CLOCK
                 return response
             try:
                 with self._turn("services"):

@@ -187,13 +187,12 @@ def doubt_about_unknown(path: Path) -> str:
     `free_thresh: 0.25`, the default of map_saver, does so, and map_io reads it so. Raises MapError.
     """
     metadata = _read_metadata(path)
-    image = read_map_image(metadata.image)
-    if metadata.mode is not MapMode.TRINARY or (_cells(image, metadata) == UNKNOWN).any():
+    of_grey = _table(np.array([_GREY / 255.0]), metadata)
+    if metadata.mode is not MapMode.TRINARY or of_grey[0] != FREE:
         return ""
-    shade = _GREY / 255.0
-    darkness = shade if metadata.negate else 1.0 - shade
+    image = read_map_image(metadata.image)
     share = float((image.sums * 255 == _GREY * image.full).mean())
-    if not darkness < metadata.free_thresh or not share > 0.0:
+    if not share or (_cells(image, metadata) == UNKNOWN).any():
         return ""
     return (
         f"{path}: free_thresh {metadata.free_thresh:g} makes the grey of unknown cells free, "

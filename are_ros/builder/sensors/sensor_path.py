@@ -25,8 +25,8 @@ _WATCHED: Final = 50
 """The delays of transforms are kept for this many readings that did not wait long enough."""
 _RECENT_NS: Final = 10 * NS_PER_S
 """And for so long."""
-_IN_REACH: Final = 0.75
-"""A reading may wait for this share of the time for which poses of artefacts are kept."""
+REACH: Final = 0.75
+"""A reading may wait for this share of `poses.history`; the rest is for its own delay."""
 
 
 class Reading(Protocol):
@@ -119,7 +119,8 @@ class SensorPath:
         self._augment = augment
         self._waiting: deque[_Waiting] = deque()
         self._too_early: deque[_Waiting] = deque(maxlen=_WATCHED)
-        self._late_ns: deque[tuple[int, int]] = deque(maxlen=_WATCHED)
+        self._delays: deque[tuple[int, int]] = deque(maxlen=_WATCHED)
+        """When a transform came too late, and how late [ns]."""
         self._released: list[ReleasedReading] = []
 
     def push(self, topic: str, reading: Reading, received_ns: int) -> None:
@@ -134,9 +135,9 @@ class SensorPath:
         It is 0 if there was none: a longer wait would not have helped. Neither would it where the
         delay is about as long as poses are kept: then transforms had failed to come for a while.
         """
-        most_ns = _IN_REACH * self._history_ns
-        delays_ns = (late_ns for _, late_ns in self._late_ns)
-        return max((one for one in delays_ns if self.wait_ns < one < most_ns), default=0)
+        most_ns = REACH * self._history_ns
+        late_ns = (delay_ns for _, delay_ns in self._delays)
+        return max((one for one in late_ns if self.wait_ns < one < most_ns), default=0)
 
     def next_deadline_ns(self) -> int | None:
         """Return the deadline of the first reading [ns], None if none waits."""
@@ -175,17 +176,17 @@ class SensorPath:
         """Drop the waiting readings: the clock jumped back."""
         self._waiting.clear()
         self._too_early.clear()
-        self._late_ns.clear()
+        self._delays.clear()
 
     def _watch_too_early(self, now_ns: int) -> None:
         """Measure the delay of transforms for readings that were released without them."""
-        while self._late_ns and self._late_ns[0][0] < now_ns - _RECENT_NS:
-            self._late_ns.popleft()
+        while self._delays and self._delays[0][0] < now_ns - _RECENT_NS:
+            self._delays.popleft()
         while self._too_early:
             item, age_ns = self._too_early[0], now_ns - self._too_early[0].received_ns
             frames = self._map_frame, item.reading.frame_id
             if self._frames.try_lookup(*frames, item.reading.stamp_ns) is not None:
-                self._late_ns.append((now_ns, age_ns))
+                self._delays.append((now_ns, age_ns))
             elif age_ns < self._history_ns:
                 return
             self._too_early.popleft()

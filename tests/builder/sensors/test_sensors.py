@@ -60,13 +60,19 @@ class Path:
         return counts.exact, counts.held, counts.passed_through
 
 
-def test_how_late_the_transform_was_of_a_scan_that_left() -> None:
-    """A scan leaves after its wait; its transform comes 130 ns after it, and that is known."""
+def left_without_transform() -> Path:
+    """Return the path of a scan of 10 ns that came at 20 ns, and left after its wait, at 70 ns."""
     path = Path()
     path.correction(0)
     path.odom(0)
     path.push(10, 20)
     path.queue.deadline_passed(70)
+    return path
+
+
+def test_how_late_the_transform_was_of_a_scan_that_left() -> None:
+    """A scan leaves after its wait; its transform comes 130 ns after it, and that is known."""
+    path = left_without_transform()
     assert path.queue.late_ns == 0
     path.correction(200)
     path.odom(200)
@@ -83,11 +89,7 @@ def test_how_late_the_transform_was_of_a_scan_that_left() -> None:
 
 def test_transforms_that_failed_to_come_for_a_while_are_no_late_ones() -> None:
     """No wait would have been long enough: poses of artefacts are kept for 1000 ns."""
-    path = Path()
-    path.correction(0)
-    path.odom(0)
-    path.push(10, 20)
-    path.queue.deadline_passed(70)
+    path = left_without_transform()
     path.correction(900)
     path.odom(900)
     path.queue.transforms_came(800)
