@@ -53,7 +53,6 @@ class StepClock:
     def __init__(self, period_ns: int) -> None:
         self.period_ns = period_ns
         self.next_ns = 0
-        self.is_running = False
         self._last_input_ns = 0
 
     def touch(self, received_ns: int) -> None:
@@ -62,12 +61,7 @@ class StepClock:
 
     def begin(self, now_ns: int) -> None:
         """Set the first sub-step to the first multiple of the period that is not before now."""
-        self.next_ns, self.is_running = -(-now_ns // self.period_ns) * self.period_ns, True
-
-    def stop(self, now_ns: int) -> None:
-        """Stop until `begin`: the clock jumped to `now_ns`."""
-        self.next_ns, self.is_running = 0, False
-        self._last_input_ns = now_ns
+        self.next_ns = -(-now_ns // self.period_ns) * self.period_ns
 
     def go_on(self, now_ns: int) -> None:
         """Go on to the next sub-step; after a long time without inputs, skip to `now_ns`."""
@@ -176,7 +170,7 @@ class PopulationManager:
     def advance(self, now_ns: int) -> None:
         """Run the population's events and the sub-steps that are due up to `now_ns`."""
         steps = self._steps
-        if not steps.is_running:
+        if self._advanced_ns is None:
             self._start(now_ns)
             steps.begin(now_ns)
         self._advanced_ns = now_ns
@@ -198,33 +192,36 @@ class PopulationManager:
 
     def restart(self, now_ns: int, cause: Cause) -> None:
         """Remove all artefacts, with an event each, and go on at another time."""
+        if self._advanced_ns is not None:
+            self.population.halt(self._advanced_ns)
         self.clear(now_ns, cause)
         self._start(now_ns)
-        self._forget()
-        self._steps.stop(now_ns)
+        self._go_on(now_ns)
 
     def interrupt(self, from_ns: int, until_ns: int) -> None:
         """Remove all artefacts at `from_ns`, and go on at `until_ns`: the recording has a gap.
 
         The wait for the next random arrival goes on after the gap; the scenario is postponed by it.
         """
+        self.population.halt(from_ns)
         self.clear(from_ns, Cause.RECORDING_GAP)
         self.population.interrupt(from_ns, until_ns)
         if self.crowd.recorder is not None:
             self.crowd.recorder.postpone(until_ns - from_ns)
-        self._forget()
-        self._steps.touch(until_ns)
-        self._steps.begin(until_ns)
+        self._go_on(until_ns)
 
-    def _forget(self) -> None:
-        """Forget the robot, its plan and the crowd's past: the clock jumped."""
+    def _go_on(self, now_ns: int) -> None:
+        """Go on after a jump: the robot, its plan and the past of the crowd are forgotten."""
         self.crowd.forget()
         self._robot = self.goal = None
         self._viewpoints = ()
         self.plan_m = np.empty((0, 2))
+        self._set_rates(now_ns)
+        self._steps.touch(now_ns)
+        self._steps.begin(now_ns)
 
     def _start(self, now_ns: int) -> None:
-        self.population.start(now_ns, self._advanced_ns)
+        self.population.start(now_ns)
         self._advanced_ns = self._paused_ns = now_ns
         if self.crowd.recorder is not None:
             self.crowd.recorder.start(now_ns)

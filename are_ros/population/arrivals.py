@@ -90,14 +90,12 @@ class ArrivalProcess:
             self._consume_until(max(now_ns, self._anchor_ns))
             self.rate_per_s = rate_per_s
 
-    def restart(self, now_ns: int, until_ns: int | None = None) -> None:
+    def restart(self, now_ns: int) -> None:
         """Go on at `now_ns`, earlier or later, with the rest of the present exponential.
 
-        Called when the clock jumps. The process has run up to `until_ns`, by the clock before the
-        jump; None: it has not begun.
+        Called when the clock jumps. Set the rate to 0 before, by the clock before the jump: what is
+        not consumed then is waited for once more.
         """
-        if until_ns is not None:  # else who had waited long would wait longer than the law has it
-            self._consume_until(max(until_ns, self._anchor_ns))
         self._anchor_ns = now_ns
 
     def _consume_until(self, instant_ns: int) -> None:
@@ -180,12 +178,9 @@ class RandomSource:
         self._law = law
         self._mean_group_size = float(mean_group_size)
 
-    def restart(self, now_ns: int, until_ns: int | None = None) -> None:
-        """Wait for the next arrival from `now_ns` on, earlier or later; ids go on.
-
-        `until_ns` as in `ArrivalProcess.restart`.
-        """
-        self._arrivals.restart(now_ns, until_ns)
+    def restart(self, now_ns: int) -> None:
+        """Wait for the next arrival from `now_ns` on, earlier or later; ids go on."""
+        self._arrivals.restart(now_ns)
 
     def reseed(self, seed: int, now_ns: int) -> None:
         """Begin again at arrival 0 of another seed, at the same rate; ids go on."""

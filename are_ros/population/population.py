@@ -5,6 +5,7 @@ they are the birth-death chain of the paper. Scripted artefacts come from a scen
 request. The caller asks when the next event is due, and has it processed.
 """
 
+import math
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -140,25 +141,24 @@ class Population:
         """The artefacts alive by id, in the order of their ids: a view, always up to date."""
         return MappingProxyType(self._living)
 
-    def start(self, now_ns: int, until_ns: int | None = None) -> None:
+    def start(self, now_ns: int) -> None:
         """Begin at `now_ns`, or again after a clock jump, without artefacts; ids go on.
 
-        Present artefacts are dropped without an event. Up to `until_ns`, by the clock before the
-        jump, the next random arrival has been waited for.
+        Present artefacts are dropped without an event. `halt` before a jump.
         """
         self._living.clear()
         self._departed.clear()
         self._causes.clear()
-        self._source.restart(now_ns, until_ns)
+        self._source.restart(now_ns)
         self.scripted.restart(now_ns)
         self._restart_lives(now_ns)
 
     def interrupt(self, from_ns: int, until_ns: int) -> None:
-        """Go on at `until_ns`, after all artefacts have departed at `from_ns`.
+        """Go on at `until_ns`, after all artefacts have departed at `from_ns`, where it halted.
 
         The wait for the next random arrival goes on after the gap; the scenario is postponed by it.
         """
-        self._source.restart(until_ns, from_ns)
+        self._source.restart(until_ns)
         self._restart_lives(until_ns)
         self.scripted.postpone(until_ns - from_ns)
 
@@ -167,6 +167,13 @@ class Population:
         self._seed = seed
         self._source.reseed(seed, now_ns)
         self._law.reseed(seed, now_ns)
+
+    def halt(self, now_ns: int) -> None:
+        """Let no random event come nearer from `now_ns` on, until `set_rates`.
+
+        What has been waited for is kept, so that a jump of the clock lengthens no wait.
+        """
+        self.set_rates(0.0, 0.0, math.inf, now_ns)
 
     def set_rates(
         self, arrival_rate: float, area_m2: float, mean_life_s: float, now_ns: int

@@ -130,7 +130,9 @@ def test_who_has_waited_waits_no_longer_after_a_jump(waited_s: int) -> None:
         until_ns = EPOCH_NS + waited_s * NS_PER_S
         while (next_ns := process.next_ns()) is not None and next_ns <= until_ns:
             process.pop()
-        process.restart(5, until_ns)
+        process.set_rate(0.0, until_ns)
+        process.restart(5)
+        process.set_rate(1.0, 5)
         rests.append(((process.next_ns() or 0) - 5) / NS_PER_S)
     assert stats.kstest(rests, "expon").pvalue > 0.001
 

@@ -483,6 +483,28 @@ def test_a_new_start_forgets_the_living_and_no_id_comes_twice(kind: Departures) 
 
 
 @both_kinds
+@pytest.mark.parametrize("waited_s", [0.0, 2.0])
+def test_a_life_after_a_jump_of_the_clock_is_as_long_as_any(
+    kind: Departures, waited_s: float
+) -> None:
+    """One lives, the clock leaps by an hour, the next one lives: exponential, mean 1 s."""
+    lives_s = []
+    for seed in range(1000):
+        population = _population(seed, kind, per_s=0.0, mean_life_s=1.0)
+        population.admit(ROWS[0], GroundPose(1.0, 1.0, 0.0, 0.0), EPOCH_NS, origin=Origin.SERVICE)
+        _advance(population, _seconds(waited_s))
+        population.halt(_seconds(waited_s))
+        for artefact_id in list(population.living):
+            population.remove(artefact_id, _seconds(3600), Cause.CLOCK_LEAPT)
+        population.start(_seconds(3600))
+        population.set_rates(0.0, 100.0, 1.0, _seconds(3600))
+        pose, now_ns = GroundPose(2.0, 2.0, 0.0, 0.0), _seconds(3600)
+        population.admit(ROWS[0], pose, now_ns, origin=Origin.SERVICE)
+        lives_s.append(((population.next_event_ns() or now_ns) - now_ns) / NS_PER_S)
+    assert stats.kstest(lives_s, "expon").pvalue > 0.001
+
+
+@both_kinds
 def test_another_seed_gives_another_future(kind: Departures) -> None:
     """Reseeding keeps the living and their known ends; the same new seed gives the same gaps."""
     population = _population(8, kind, per_s=2.0)
