@@ -5,6 +5,7 @@ from contextlib import AbstractContextManager
 from typing import Any, Final
 
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 
 from are_ros.builder.spawning.requests import SpawnRequest
 from are_ros.conventions import NS_PER_S
@@ -22,6 +23,9 @@ _TYPES: Final = {
     "clear": "std_srvs/srv/Trigger",
     "pause": "std_srvs/srv/SetBool",
 }
+_MOST_WAITING: Final = 1000
+"""So many requests may wait for a callback to return; of more, DDS would drop the oldest. By the
+default of ROS ten may."""
 _NOT_ACTIVE: Final = "the node is not active: configure and activate it first"
 
 
@@ -54,7 +58,9 @@ class Services:
             "pause": self._set_paused,
         }
         for name, handler in handlers.items():
-            node.create_service(service_class(_TYPES[name]), f"~/{name}", self._answering(handler))
+            kind, answer = service_class(_TYPES[name]), self._answering(handler)
+            qos = QoSProfile(depth=_MOST_WAITING)
+            node.create_service(kind, f"~/{name}", answer, qos_profile=qos)
 
     def _answering(
         self, handler: Callable[[Any, Any, LiveBuilder], str]

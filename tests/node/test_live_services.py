@@ -10,7 +10,9 @@ from tests.ros import NOT_SET_UP
 pytest.importorskip("rclpy", reason=NOT_SET_UP)
 
 from are_msgs.msg import Artefact, ArtefactEvent
+from rclpy.qos import QoSProfile
 
+from are_ros.node.message_classes import service_class
 from tests.node.live_bench import Bench
 from tests.node.live_scene import FACTORY, click_at, ns, pose_at, robot_at, room
 
@@ -129,6 +131,21 @@ def test_what_cannot_stand_is_refused_with_the_reason(
     step(bench, 1000.2)
     assert len(lists[-1].artefacts) == 1
     assert bench.spawn(pose_at(2.5, 1.0), label="post").success
+
+
+def test_many_requests_at_once_are_all_answered(bench: Bench) -> None:
+    """As a script sends them that clears a hall; with the default of ROS ten would be kept."""
+    kind, many = service_class("are_msgs/srv/RemoveArtefact"), 60
+    client = bench.user.create_client(
+        kind, f"{bench.name}/remove", qos_profile=QoSProfile(depth=many)
+    )
+    bench.until(client.service_is_ready)
+    bench.settle()
+    asked = [client.call_async(kind.Request(id=1000 + number)) for number in range(many)]
+    bench.until(lambda: all(one.done() for one in asked))
+    assert [one.result().message for one in asked] == [
+        f"no artefact with id {1000 + number} is alive" for number in range(many)
+    ]
 
 
 def test_a_pose_that_is_no_rotation_is_refused(bench: Bench) -> None:

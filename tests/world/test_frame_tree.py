@@ -87,6 +87,17 @@ def test_nothing_is_extrapolated() -> None:
     assert x_of(tree, "map", "laser", 0.0) == 0.5
 
 
+@pytest.mark.parametrize("source", ["base", "laser"])
+def test_an_edge_that_has_ended_is_named_before_one_that_goes_on(source: str) -> None:
+    """A localization that is silent for longer than the history: odometry is not to blame."""
+    tree = moving()
+    for second in range(3, 20):
+        put(tree, "odom", "base", second)
+    ended = r"map -> odom ends there, and odom -> base begins at"
+    with pytest.raises(ExtrapolationToPastError, match=ended):
+        tree.latest_before("map", source, 19 * S)
+
+
 def test_separate_trees_are_told_apart() -> None:
     """Known frames without a chain between them are a different error."""
     tree = moving()

@@ -1,5 +1,6 @@
 """The tree of frames over time, in place of tf2 (section 3.1, Frames)."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, NoReturn
 
@@ -233,8 +234,24 @@ class FrameTree:
         table = self._table
         status, stamp_ns = latest_not_after(table.samples, table.frames, to, of, now_ns)
         if status:
-            self._fail(status, target, source, stamp_ns)
+            self._fail(status, target, source, stamp_ns, self._ending_at(stamp_ns, (to, of)))
         return int(stamp_ns)
+
+    def _ending_at(self, stamp_ns: int, frames: Iterable[int]) -> str:
+        """Return "a -> b ends there, and ", of an edge above the frames that does; else ""."""
+        edges = self._table.edges
+        for frame in frames:
+            above, passed = frame, set[int]()
+            while above in edges and above not in passed:
+                passed.add(above)
+                edge = edges[above]
+                if not edge.is_static and edge.newest_ns == stamp_ns:
+                    return f"{self._name_of(edge)} ends there, and "
+                above = edge.parent
+        return ""
+
+    def _name_of(self, edge: Edge) -> str:
+        return f"{self._names[edge.parent]} -> {self._names[edge.child]}"
 
     def has_frame(self, name: str) -> bool:
         """Tell whether a transform ever named this frame, as parent or as child."""
@@ -292,8 +309,10 @@ class FrameTree:
         self._table.reserve_frame(max(numbers))
         return numbers
 
-    def _fail(self, status: int, target: str, source: str, stamp_ns: int) -> NoReturn:
-        """Raise the error of a kernel's status."""
+    def _fail(
+        self, status: int, target: str, source: str, stamp_ns: int, before: str = ""
+    ) -> NoReturn:
+        """Raise the error of a kernel's status; `before` goes before a beginning that is too late."""
         when = "the latest time" if stamp_ns == STATIC else in_seconds(stamp_ns)
         asked = f"{target} from {source} at {when}"
         frame, reason = divmod(status, STATUSES)
@@ -302,9 +321,9 @@ class FrameTree:
         if reason not in {PAST, FUTURE}:
             raise DisconnectedFramesError(f"{asked}: no chain of transforms joins these frames")
         edge = self._table.edges[frame]
-        name = f"{self._names[edge.parent]} -> {self._names[edge.child]}"
+        name = self._name_of(edge)
         if reason == FUTURE:
             end = in_seconds(edge.newest_ns)
             raise ExtrapolationToFutureError(f"{asked}: {name} ends at {end}")
         begin = in_seconds(self._table.stamp_of(edge.first))
-        raise ExtrapolationToPastError(f"{asked}: {name} begins at {begin}")
+        raise ExtrapolationToPastError(f"{asked}: {before}{name} begins at {begin}")
