@@ -9,8 +9,9 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from rclpy.node import Node
 
@@ -72,18 +73,18 @@ def run_demo(
     Leaves augmented.mcap, effective.yaml, node.log and recorder.log in the folder. Raises AreError.
     """
     keep_to_this_machine()
-    remaps, sensors, outputs = _topics(options)
-    options = replace(options, parameters=with_values(options.parameters, sensors))
+    topics = _read_topics(options)
+    options = replace(options, parameters=with_values(options.parameters, topics.sensors))
     _prepare(options)
     with ExitStack() as stack:
         log = options.out / "recorder.log"
         recorder = stack.enter_context(_process(_record_command(options), log))
         log = options.out / "node.log"
-        command = _node_command(options, remaps, [t for one in sensors.values() for t in one])
-        node = stack.enter_context(_process(command, log))
+        node = stack.enter_context(_process(_node_command(options, topics), log))
         say("starting the node (kernels that are not there yet compile for a minute or two)")
         _await_active((node, recorder), options.out, should_stop)
-        outcome = play(_play_options(options, outputs), say, open_progress, should_stop)
+        playing = _play_options(options, topics.outputs)
+        outcome = play(playing, say, open_progress, should_stop)
         _check_alive((node, recorder), options.out)
     for sentence in _warnings(options.out / "node.log"):
         say(sentence)
@@ -113,14 +114,19 @@ def _prepare(options: DemoOptions) -> None:
         raise BagError(message) from cause
 
 
-def _topics(
-    options: DemoOptions,
-) -> tuple[dict[str, str], dict[str, tuple[str, ...]], tuple[str, ...]]:
-    """Return the topics of the recording that are not named as the node expects them.
+class _Topics(NamedTuple):
+    """The topics of a recording that are not named as the node expects them, and its outputs."""
 
-    By role, to be renamed; and those of sensors whose transport is in their name, by parameter.
-    Then the outputs of a node that were recorded, too: this node sends its own.
-    """
+    renamed: Mapping[str, str]
+    """Topics by the role that they are remapped to."""
+    sensors: Mapping[str, tuple[str, ...]]
+    """Those of sensors whose transport is in their name, by parameter."""
+    outputs: tuple[str, ...]
+    """Those of a node that was recorded, too: they are not played, this node sends its own."""
+
+
+def _read_topics(options: DemoOptions) -> _Topics:
+    """Return the topics of the recording; BagError if it has no map."""
     bag, sensors = options.bag, options.parameters.sensors
     with BagReader([bag]) as reader:
         roles = find_roles(reader.topics, {})
@@ -133,12 +139,12 @@ def _topics(
     found = {role: roles.topic(role) for role in _ROLES}
     renamed = {role: topic for role, topic in found.items() if topic and topic != f"/{role}"}
     others = [kind for role, kind in SENSORS.items() if role not in _ROLES]
-    named: dict[str, tuple[str, ...]] = {
+    named = {
         f"sensors.{kind.parameter}": (topic,)
         for kind in others
         if kind.is_by_role(sensors) and (topic := roles.topic(kind.role))
     }
-    return renamed, named, outputs
+    return _Topics(renamed, named, outputs)
 
 
 def _play_options(options: DemoOptions, outputs: tuple[str, ...]) -> PlayOptions:
@@ -152,16 +158,15 @@ def _play_options(options: DemoOptions, outputs: tuple[str, ...]) -> PlayOptions
     )
 
 
-def _node_command(
-    options: DemoOptions, remaps: Mapping[str, str], sensors: Sequence[str]
-) -> list[str]:
+def _node_command(options: DemoOptions, topics: _Topics) -> list[str]:
+    remaps, sensors = topics.renamed, topics.sensors.values()
     command = [sys.executable, "-m", "are_ros", "node", "--use-sim-time"]
     command += ["--params", str(options.out / "effective.yaml"), "--ros-args"]
     for role, topic in remaps.items():
         command += ["-r", f"{role}:={topic}"]
     if options.lockstep:
         roles = ("odom", "scan", "camera/camera_info")
-        for topic in (*(remaps.get(role, f"/{role}") for role in roles), *sensors):
+        for topic in (*(remaps.get(role, f"/{role}") for role in roles), *chain(*sensors)):
             command += ["-p", f"qos_overrides.{topic}.subscription.reliability:=reliable"]
         for name in _LATCHED:
             depth = f"qos_overrides.{NODE}/{name}.publisher.depth:={_LATCHED_DEPTH}"
