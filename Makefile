@@ -31,7 +31,7 @@ ifdef AMENT_PREFIX_PATH
 unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH RMW_IMPLEMENTATION
 endif
 
-.PHONY: setup demo test test-long lint bench oldest colcon constraints clean another-python
+.PHONY: setup demo test test-long lint oldest colcon constraints clean another-python
 
 setup: $(VENV)/ready-for-ros # what the commands need, ROS 2's Python included; nothing is run
 	@if test -e $<; then $(BIN)/python scripts/build_messages.py; fi

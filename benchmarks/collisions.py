@@ -5,6 +5,7 @@ and tests the separating axes in numpy; both give the same pairs. Run:
 python benchmarks/collisions.py [repetitions]
 """
 
+import argparse
 import sys
 import time
 from collections.abc import Callable
@@ -98,4 +99,8 @@ def main(repetitions: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 21)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("repetitions", nargs="?", type=int, default=21)
+    main(parser.parse_args().repetitions)

@@ -5,8 +5,8 @@ inflation 0.55 m. The peer is OpenCV's exact Euclidean distance transform of the
 and with the costs looked up from it. Run: python benchmarks/costmap.py [repetitions]
 """
 
+import argparse
 import functools
-import sys
 import time
 from collections.abc import Callable
 
@@ -149,4 +149,8 @@ def main(repetitions: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 9)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("repetitions", nargs="?", type=int, default=9)
+    main(parser.parse_args().repetitions)

@@ -8,9 +8,9 @@ that less. Then: what one artefact's decision costs. Run:
 python benchmarks/decisions.py [repetitions]
 """
 
+import argparse
 import functools
 import importlib
-import sys
 import time
 import warnings
 from collections.abc import Callable
@@ -194,4 +194,8 @@ def main(repetitions: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 5)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("repetitions", nargs="?", type=int, default=5)
+    main(parser.parse_args().repetitions)

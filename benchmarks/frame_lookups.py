@@ -7,6 +7,7 @@ same process from the system's folder, so this Python must be of the system's ve
 turns nanoseconds into its type for stamps. Rounds alternate; medians are printed, and ratios.
 """
 
+import argparse
 import math
 import statistics
 import sys
@@ -128,6 +129,9 @@ def medians_us(rounds: dict[str, Round]) -> dict[str, float]:
 
 def main() -> None:
     """Print times per stamp, and how many times quicker than each of tf2's forms."""
+    argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    ).parse_args()
     dice = np.random.default_rng(1)
     span = (SAMPLES - 2) * PERIOD_NS
     stamps_ns = (START_NS + EDGES * 3_000_000 + dice.integers(0, span, STAMPS)).tolist()

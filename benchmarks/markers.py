@@ -13,8 +13,8 @@ Rounds alternate, and each calls its way ten times: the first call finds the cac
 others left, as a tick does, the rest find its own data there. Medians of both are printed.
 """
 
+import argparse
 import math
-import sys
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -223,4 +223,8 @@ def main(repetitions: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 21)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("repetitions", nargs="?", type=int, default=21)
+    main(parser.parse_args().repetitions)

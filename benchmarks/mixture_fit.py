@@ -6,7 +6,7 @@ histogram in numpy. Then the whole search: how long it takes. Run:
 OMP_NUM_THREADS=1 python benchmarks/mixture_fit.py [rounds [samples [steps]]]
 """
 
-import sys
+import argparse
 import time
 from collections.abc import Callable
 
@@ -147,4 +147,10 @@ def main(rounds: int, count: int, steps: int) -> None:
 
 
 if __name__ == "__main__":
-    main(*(int(word) for word in (sys.argv[1:] + ["5", "100000", "200"][len(sys.argv) - 1 :])))
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    for name, usual in (("rounds", 5), ("samples", 100_000), ("steps", 200)):
+        parser.add_argument(name, nargs="?", type=int, default=usual)
+    given = parser.parse_args()
+    main(given.rounds, given.samples, given.steps)

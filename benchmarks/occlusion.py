@@ -9,6 +9,7 @@ artefact; the largest difference is printed.
 With the octomap of a file the camera stands 1 m up in its middle, or near it.
 """
 
+import argparse
 import math
 import sys
 import time
@@ -20,8 +21,6 @@ from statistics import median
 import numpy as np
 import numpy.typing as npt
 import trimesh
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 
 from are_ros.builder.occlusion.meshes import MeshPool, MeshSelection
 from are_ros.builder.occlusion.rays import VoxelField
@@ -35,6 +34,12 @@ from are_ros.world.voxel_map import VoxelMap
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from tests.world.surface import exposed_faces
+
+try:
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+except ImportError:
+    raise SystemExit("embreex is not installed: pip install embreex") from None
 
 Floats = npt.NDArray[np.float32]
 Occupied = npt.NDArray[np.uint8]
@@ -241,8 +246,13 @@ def measure_crowd(
 
 
 if __name__ == "__main__":
-    repetitions = int(sys.argv[1]) if len(sys.argv) > 1 else 9
-    measure("Voxels of 0.05 m", hall(), repetitions)
-    measure("One layer of tall voxels", extruded_hall(), repetitions)
-    if len(sys.argv) > 2:
-        measure("The octomap of the file", place_of_file(Path(sys.argv[2])), repetitions)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("repetitions", nargs="?", type=int, default=9)
+    parser.add_argument("octomap", nargs="?", type=Path)
+    given = parser.parse_args()
+    measure("Voxels of 0.05 m", hall(), given.repetitions)
+    measure("One layer of tall voxels", extruded_hall(), given.repetitions)
+    if given.octomap:
+        measure("The octomap of the file", place_of_file(given.octomap), given.repetitions)

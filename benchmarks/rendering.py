@@ -18,8 +18,8 @@ images, of the processor's time, in which the waiting for other work on the mach
 and their ratios.
 """
 
+import argparse
 import os
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -249,7 +249,7 @@ def measure(name: str, bodies: Bodies, repetitions: int) -> None:
         ways["VTK, coarser, whole job"] = by_vtk(coarser(bodies))[1]
         ways["pyrender, whole job"] = by_pyrender(bodies)
     except ImportError as missing:
-        print(f"{missing.name} is not installed")
+        raise SystemExit(f"{missing.name} is not installed: pip install vtk pyrender") from None
     for way in ways.values():
         way(0)
     times = np.array([[milliseconds(way, k) for way in ways.values()] for k in range(repetitions)])
@@ -264,10 +264,14 @@ def measure(name: str, bodies: Bodies, repetitions: int) -> None:
 
 def main() -> None:
     """Measure both scenes."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("repetitions", nargs="?", type=int, default=60)
+    given = parser.parse_args()
     cv2.setNumThreads(1)
-    repetitions = int(sys.argv[1]) if len(sys.argv) > 1 else 60
-    measure("near", near_bodies, repetitions)
-    measure("3 to 8 m", far_bodies, repetitions)
+    measure("near", near_bodies, given.repetitions)
+    measure("3 to 8 m", far_bodies, given.repetitions)
 
 
 if __name__ == "__main__":

@@ -8,8 +8,8 @@ picture are excluded, and what is written is written. Prints medians and the rat
 The recording is the sample by default; any options of `are replay` may follow it.
 """
 
+import argparse
 import statistics
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -28,8 +28,13 @@ SAMPLE = Path(__file__).resolve().parents[1] / "bags" / "sample_office.mcap"
 
 def main() -> None:
     """Run the rounds and print the table."""
-    rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 5
-    arguments = sys.argv[2:] or [str(SAMPLE)]
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("rounds", nargs="?", type=int, default=5)
+    parser.add_argument("recording", nargs=argparse.REMAINDER, help="BAG and options of are replay")
+    given = parser.parse_args()
+    rounds, arguments = given.rounds, given.recording or [str(SAMPLE)]
     with tempfile.TemporaryDirectory() as folder:
         options = parsed([*arguments, "--out", folder, "--skip", "perception", "--skip", "grids"])
         topics = replayed(options)[1]  # also compiles the kernels

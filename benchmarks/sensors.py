@@ -12,8 +12,8 @@
 One thread. Medians of interleaved runs, and their ratio.
 """
 
+import argparse
 import math
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -169,9 +169,14 @@ def octomaps(title: str, centres_m: npt.NDArray[np.floating], runs: int) -> None
 
 
 if __name__ == "__main__":
-    repetitions = int(sys.argv[1]) if len(sys.argv) > 1 else 15
-    scans(repetitions)
-    clouds(repetitions)
-    octomaps("a hall", hall().astype(np.float32), repetitions)
-    if len(sys.argv) > 2:
-        octomaps("the file", read_voxel_file(Path(sys.argv[2]), None)[0], repetitions)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("repetitions", nargs="?", type=int, default=15)
+    parser.add_argument("octomap", nargs="?", type=Path)
+    given = parser.parse_args()
+    scans(given.repetitions)
+    clouds(given.repetitions)
+    octomaps("a hall", hall().astype(np.float32), given.repetitions)
+    if given.octomap:
+        octomaps("the file", read_voxel_file(given.octomap, None)[0], given.repetitions)

@@ -134,6 +134,8 @@ def _too_old(target: str, source: str, stamp_ns: int, now_ns: int) -> str:
 
 _SPAN_NS = NS_PER_S // 4
 _JUMP_M = 1.0
+_JUMP_MPS = 10.0
+"""From one pose to the next, faster and farther than this localization has corrected itself."""
 
 
 class RobotWatch:
@@ -149,16 +151,24 @@ class RobotWatch:
     def see(self, robot: RobotPose, now_ns: int) -> RobotMotion:
         """Take the pose valid at `now_ns`, and return it with the velocity.
 
-        The velocity is 0 if poses stop coming, and for a jump (a correction of localization).
+        The velocity is 0 if poses stop coming. It begins anew after a jump (a correction of
+        localization).
         """
         seen = self._seen
         if not seen or seen[-1] is not robot:
-            if seen and seen[-1].stamp_ns >= robot.stamp_ns:
+            if seen and _has_jumped(seen[-1], robot):
                 seen.clear()
             seen.append(robot)
         while len(seen) > 1 and seen[1].stamp_ns <= robot.stamp_ns - _SPAN_NS:
             seen.popleft()
         return _motion(seen[0], robot, now_ns)
+
+
+def _has_jumped(last: RobotPose, new: RobotPose) -> bool:
+    span_s = (new.stamp_ns - last.stamp_ns) / NS_PER_S
+    path_m = new.map_from_base.translation_m - last.map_from_base.translation_m
+    away_m = math.hypot(path_m[0], path_m[1])
+    return span_s <= 0.0 or (away_m > _JUMP_M and away_m > _JUMP_MPS * span_s)
 
 
 def _motion(first: RobotPose, last: RobotPose, now_ns: int) -> RobotMotion:
@@ -168,7 +178,7 @@ def _motion(first: RobotPose, last: RobotPose, now_ns: int) -> RobotMotion:
     span_s = (last.stamp_ns - first.stamp_ns) / NS_PER_S
     dx_m, dy_m = x_m - then_x_m, y_m - then_y_m
     is_standing = span_s <= 0.0 or now_ns - last.stamp_ns > 2 * _SPAN_NS
-    if is_standing or math.hypot(dx_m, dy_m) > _JUMP_M:
+    if is_standing:
         return RobotMotion(last.footprint, x_m, y_m, yaw_rad, 0.0, 0.0, 0.0)
     turn_rad = math.remainder(yaw_rad - first.map_from_base.yaw_rad(), math.tau)
     return RobotMotion(

@@ -125,7 +125,7 @@ class Window:
         if start_ns >= stop_ns:
             if start_ns < reader.end_ns:
                 raise BagError(f"--duration {duration_s:g}: it must be above 0")
-            length_s = (reader.end_ns - reader.start_ns) / NS_PER_S
+            length_s = (reader.end_ns - begin_ns) / NS_PER_S
             raise BagError(
                 f"--start {start_s:g}: the recording is {length_s:.1f} s long, nothing is left"
             )

@@ -28,7 +28,7 @@ from are_ros.builder.real_world import RealWorld
 from are_ros.builder.scene import Scene
 from are_ros.builder.spawning.spawner import OutOfView, Spawning, Viewpoint
 from are_ros.conventions import NS_PER_S, seconds_to_ns
-from are_ros.errors import BehaviourError, PlacementError
+from are_ros.errors import BehaviourError, PlacementError, ScenarioError
 from are_ros.parameters.choices import Leave
 from are_ros.parameters.model import Parameters
 from are_ros.population.arrivals import RandomSource
@@ -83,6 +83,8 @@ _EVENT_KINDS = {
 }
 
 
+_LAST_ID_IN_MASK: Final = 2**31 - 1
+"""The pixels of masks are 32SC1."""
 _PERSON: Final = (0.3, 0.3, 0.9, 0.0, 0.0)
 """The shape of a box, as `OrientedBoxes.standing` takes it [m], which stands for any artefact."""
 
@@ -447,6 +449,13 @@ def population_of(
     scenario = Scenario()
     if settings.scenario:
         scenario = read_scenario(Path(settings.scenario), catalogue)
+    given = (one.artefact_id or 0 for one in scenario.artefacts)
+    beyond = [one for one in given if one > _LAST_ID_IN_MASK]
+    if beyond and parameters.sensors.masks:
+        raise ScenarioError(
+            f"{settings.scenario}: the id {beyond[0]} does not fit into a mask (sensors.masks), "
+            f"whose pixels are ids up to {_LAST_ID_IN_MASK}"
+        )
     return Population(
         parameters.seed,
         RandomSource(parameters.seed, catalogue.rows, law, settings.group_size),

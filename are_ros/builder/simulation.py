@@ -272,6 +272,7 @@ class Simulation:
         """Draw from another seed from now on; artefacts alive stay."""
         self.advance(now_ns)
         self.lives.reseed(seed, now_ns)
+        self.sensors.reseed(seed)
 
     def interrupt(self, from_ns: int, until_ns: int) -> None:
         """Skip [from_ns, until_ns), a gap of the recording.

@@ -52,7 +52,7 @@ from are_ros.draw.sheet import (
     rows_of,
 )
 from are_ros.errors import BagError
-from are_ros.wording import why_refused
+from are_ros.wording import counted, why_refused
 from are_ros.world.occupancy_grid import OccupancyGrid
 
 Floats = npt.NDArray[np.float64]
@@ -407,7 +407,7 @@ class Frames:
         series = self._record.series
         passed_ns = series.passed_ns()[np.searchsorted(series.stamps_ns, stamp_ns)]
         perceived = sum(actor.is_perceived for actor in actors)
-        count = f"{len(actors)} virtual artefacts, {perceived} perceived"
+        count = f"{counted(len(actors), 'virtual artefact')}, {perceived} perceived"
         canvas.text(f"{int(passed_ns) / NS_PER_S:5.1f} s", (_MARGIN_PX, 7), _TEXT_PX)
         canvas.text(count, (84, 7), _TEXT_PX)
 

@@ -136,6 +136,9 @@ def _draw_ever_seen(sheet: Sheet, record: SceneRecord, walls: VoxelField) -> Non
     indices = spread_indices(record, _SWEPT_FANS)
     found = [fan for index in indices if (fan := fan_at(record, walls, index)) is not None]
     stamps = record.camera.stamps_ns[list(indices)].tolist()
+    if not stamps:  # the first camera has no pose, others have
+        known = sorted(record.others)
+        stamps = known[:: max(1, len(known) // _SWEPT_FANS)]
     found += [fan for stamp in stamps for fan in other_fans(record, walls, stamp)]
     draw_ever_seen(sheet.canvas, sheet.view, found)
 

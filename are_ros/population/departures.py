@@ -167,12 +167,9 @@ class ConstantRateDepartures(DepartureLaw):
         super().__init__(seed, mean_life_s)
         self._process = ArrivalProcess(seed, Purpose.DEPARTURE, rate_per_s=0.0, now_ns=0)
         self._alive: list[int] = []
-        self._not_empty_since_ns = 0
 
     def arrived(self, artefact_id: int, now_ns: int) -> None:
         """Add the artefact to those that can depart."""
-        if not self._alive:
-            self._not_empty_since_ns = now_ns
         insort(self._alive, artefact_id)
         self._process.set_rate(self._rate_per_s, now_ns)
 
@@ -198,7 +195,7 @@ class ConstantRateDepartures(DepartureLaw):
         stream = generator(self._seed, Purpose.DEPARTURE, self._process.index)
         stream.standard_exponential()  # the process has it
         chosen = self._alive[int(stream.random() * len(self._alive))]
-        return Departure(max(time_ns, self._not_empty_since_ns), chosen)
+        return Departure(time_ns, chosen)
 
     def restart(self, now_ns: int) -> None:
         """Forget all lives; the present exponential goes on with the next arrival."""

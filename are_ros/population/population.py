@@ -188,7 +188,7 @@ class Population:
         self._source.set_rate(rate_per_s, now_ns)
         self._law.set_mean_life(mean_life_s, now_ns)
         for artefact in self._living.values():
-            if artefact.id not in self._is_given and not artefact.is_leaving:
+            if artefact.id not in self._is_given:
                 artefact.departure_ns = self._law.departure_of(artefact.id)
 
     def set_marks(self, rows: Sequence[CatalogueRow], law: RowLaw, mean_group_size: float) -> None:
@@ -241,8 +241,7 @@ class Population:
         artefact = self._living.pop(artefact_id, None)
         if artefact is None:
             raise InputError(f"no artefact with id {artefact_id} is alive")
-        if not artefact.is_leaving:
-            self._end_life(artefact_id, now_ns)
+        self._end_life(artefact_id, now_ns)
         artefact.departure_ns = now_ns
         self._causes.pop(artefact_id, None)
         self._departed.append(artefact)

@@ -28,6 +28,7 @@ class Purpose(IntEnum):
     FALSE_ALARM = 14
     APPEARANCE = 15
     INTENT = 16
+    IMAGE_NOISE = 17
 
 
 def generator(seed: int, purpose: Purpose, artefact_id: int) -> np.random.Generator:

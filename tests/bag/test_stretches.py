@@ -13,8 +13,15 @@ import pytest
 
 from are_ros.bag.clock import BagClock, Ints, RecordedTimes, Times
 from are_ros.bag.reader import BagReader
-from are_ros.bag.stretches import needed_wait_s, scan_waits, stretches_of, wait_sentence
+from are_ros.bag.stretches import (
+    Window,
+    needed_wait_s,
+    scan_waits,
+    stretches_of,
+    wait_sentence,
+)
 from are_ros.conventions import NS_PER_S
+from are_ros.errors import BagError
 from are_ros.world.transforms.tree import FrameTree
 
 Records = Sequence[tuple[str, int, Any]]
@@ -120,6 +127,23 @@ def test_a_replay_of_a_gap_alone_is_refused(
     assert done.returncode == 1
     assert "nothing moves in the 20.0 s that --start and --duration choose" in done.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_a_start_after_the_end_says_how_long_the_drive_is(
+    sample_records: Records, write_bag: WriteBag, tmp_path: Path
+) -> None:
+    """From what moves first on, as --start counts; a map of an hour before is no part of it."""
+    records = [
+        (topic, at_ns - (3600 * S if topic == "/map" else 0), message)
+        for topic, at_ns, message in sample_records
+    ]
+    bag = write_bag(tmp_path / "b.mcap", sorted(records, key=lambda one: one[1]))
+    with BagReader([bag]) as reader:
+        window = Window.of(reader, {"/tf": "tf"}, 0.0, None)
+        length_s = (window.stop_ns - window.begin_ns) / S
+        with pytest.raises(BagError, match=f"the recording is {length_s:.1f} s long, nothing"):
+            Window.of(reader, {"/tf": "tf"}, 3000.0, None)
+    assert length_s < 60.0
 
 
 def test_what_moved_before_a_window_is_looked_for_a_minute_back(

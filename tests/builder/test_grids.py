@@ -215,3 +215,23 @@ def test_the_costmap_is_that_of_walls_artefacts_and_unknown(
     assert 0 < costmap[20, 24] < 99
     assert costmap[20, 25] == 0
     assert costmap[32, 32] == -1
+
+
+def test_who_stands_is_in_a_new_map_too(grids: GridAugmentation) -> None:
+    """Although it has not moved since the last one."""
+    walls = np.zeros((6, 6))
+    walls[0] = 100
+    grids.update(0, FREE, {1: patch(2, 4)})
+    result = grids.update(400 * MS, environment(walls), {1: patch(2, 4)})
+    assert result.augmented_map is not None
+    assert result.artefact_map is not None
+    assert result.augmented_map.cells[2, 4] == result.artefact_map.cells[2, 4] == 100
+
+
+def test_who_comes_back_after_a_farewell_goes_out_at_once(grids: GridAugmentation) -> None:
+    """The same artefact in the same place: it is not there until it is sent anew."""
+    grids.update(0, FREE, {1: patch(2, 2)})
+    bare = grids.bare(10 * MS, FREE)
+    assert bare.augmented_map is not None
+    assert bare.augmented_map.cells.max() == 0
+    assert sent(grids.update(20 * MS, FREE, {1: patch(2, 2)})) == (True, True, True)

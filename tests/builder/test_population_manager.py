@@ -9,7 +9,7 @@ import pytest
 
 from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.builder.population_manager import population_of
-from are_ros.errors import FrameError, ParameterError, PlacementError
+from are_ros.errors import FrameError, ParameterError, PlacementError, ScenarioError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.population.artefact import GroundPose, boxes_of
@@ -238,6 +238,25 @@ def test_a_scenario_begins_with_a_population_that_is_paused(
     scene.builder.step(scene.ns(to_s))
     lives.pause(scene.ns(to_s + 10.0), is_paused=False)
     assert lives.population.scripted.next_ns() == scene.ns(to_s + 70.0)
+
+
+@pytest.mark.parametrize("masks", [True, False])
+def test_an_id_that_does_not_fit_into_a_mask_is_refused(
+    make_scene: Make, tmp_path: Path, *, masks: bool
+) -> None:
+    """Before the run, where masks go out: their pixels are of 32 bits. Without, any id is fine."""
+    path = tmp_path / "scenario.yaml"
+    who = "{label: post, at: [3.0, 3.0, 0.0], arrives: 0.0, id: 3000000000}"
+    path.write_text(f"artefacts:\n  - {who}\n")
+    values = {"population.scenario": str(path), "sensors.masks": masks}
+    if masks:
+        with pytest.raises(ScenarioError, match="the id 3000000000 does not fit into a mask"):
+            make_scene(values)
+    else:
+        scene = make_scene(values)
+        scene.map(0.0)
+        scene.builder.advance(scene.ns(1.0))
+        assert list(scene.builder.lives.population.living) == [3_000_000_000]
 
 
 def test_nobody_arrives_at_the_robots_goal(make_scene: Make) -> None:

@@ -78,3 +78,29 @@ def test_poses_that_go_back_in_time_begin_anew() -> None:
     assert seen(watch, pose(4.9, 0.3)).vx_mps == 0.0
     watch.forget()
     assert seen(watch, pose(5.1, 0.6)).vx_mps == 0.0
+
+
+@pytest.mark.parametrize(("speed_mps", "rate_hz"), [(6.0, 50.0), (9.0, 10.0), (1.2, 1.0)])
+def test_a_fast_robot_is_no_jump(speed_mps: float, rate_hz: float) -> None:
+    """It drives more than a metre while its velocity is measured, or between two poses."""
+    watch = RobotWatch()
+    for k in range(round(2.0 * rate_hz) + 1):
+        motion = seen(watch, pose(k / rate_hz, speed_mps * k / rate_hz))
+    assert motion.vx_mps == pytest.approx(speed_mps)
+
+
+def test_another_pose_at_the_same_stamp_begins_anew() -> None:
+    """Localization corrected it: how the robot moved between the two is not known."""
+    watch = RobotWatch()
+    seen(watch, pose(1.0, 0.0))
+    seen(watch, pose(1.2, 0.1))
+    assert seen(watch, pose(1.2, 0.2)).vx_mps == 0.0
+    assert seen(watch, pose(1.3, 0.25)).vx_mps == pytest.approx(0.5)
+
+
+def test_the_velocity_is_that_of_the_last_quarter_second() -> None:
+    """Whatever it was before."""
+    watch = RobotWatch()
+    seen(watch, pose(0.75, 0.4))
+    seen(watch, pose(1.0, 0.0))
+    assert seen(watch, pose(1.25, 0.1)).vx_mps == pytest.approx(0.4)

@@ -97,7 +97,9 @@ def test_all_cameras_are_drawn(tmp_path: Path) -> None:
     assert (one != two).any(axis=2).sum() > 10_000
     alone = replace(both, camera=Track(np.zeros(0, np.int64), np.zeros((0, 7))))
     assert alone.has_cameras
-    _drawn(alone, _room(), tmp_path / "b.png")
+    blind = _drawn(replace(alone, others={}), _room(), tmp_path / "b.png")
+    drawn = _drawn(alone, _room(), tmp_path / "b.png")
+    assert (drawn[: blind.shape[0]] != blind[: drawn.shape[0]]).any(axis=2).sum() > 5_000
 
 
 WAY = ((0.5, 0.5, 0.0), (1.5, 0.5, 0.3), (2.5, 1.5, 1.0))

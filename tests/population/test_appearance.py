@@ -66,6 +66,15 @@ def test_no_two_persons_look_alike() -> None:
     assert SurfaceBank(8).of(row, 12).corners_m.tobytes() != surfaces[12].corners_m.tobytes()
 
 
+def test_another_seed_changes_the_looks_of_later_ones_alone() -> None:
+    """Who is there keeps its looks, though it is painted again."""
+    bank, row = SurfaceBank(7), PERSONS[4]
+    present = bank.of(row, 12)
+    bank.seed = 8
+    assert bank.of(row, 12) is present
+    assert bank.of(row, 13).corners_m.tobytes() == SurfaceBank(8).of(row, 13).corners_m.tobytes()
+
+
 THINGS = [row for row in read_catalogue().rows if row.class_name != "person"]
 
 

@@ -112,6 +112,14 @@ def test_an_instant_beyond_the_clock_never_comes() -> None:
     assert due_ns(0, 1.0, 1.0) == NS_PER_S
 
 
+def test_a_change_before_the_last_one_counts_from_that() -> None:
+    """Time never runs backwards for the process."""
+    late, early = (ArrivalProcess(1, rate_per_s=1.0, now_ns=EPOCH_NS) for _ in range(2))
+    late.set_rate(2.0, EPOCH_NS)
+    early.set_rate(2.0, EPOCH_NS - 5 * NS_PER_S)
+    assert early.next_ns() == late.next_ns()
+
+
 def test_restart_goes_on_at_another_instant() -> None:
     """After a jump back the wait that was left is waited from there."""
     process = ArrivalProcess(4, rate_per_s=1.0, now_ns=EPOCH_NS)

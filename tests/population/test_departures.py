@@ -167,6 +167,20 @@ def test_constant_rate_mean_acts_at_once() -> None:
     assert after.time_ns == pytest.approx(before.time_ns / 2, abs=2)
 
 
+@pytest.mark.parametrize("change", ["mean life", "seed"])
+def test_what_changes_while_nobody_lives_starts_no_wait(change: str) -> None:
+    """The wait of another mean life, or of another seed, begins with the next who lives."""
+    law, other = ConstantRateDepartures(1, 100.0), ConstantRateDepartures(1, 10.0)
+    if change == "seed":
+        law, other = ConstantRateDepartures(1, 10.0), ConstantRateDepartures(2, 10.0)
+        law.reseed(2, 0)
+    law.set_mean_life(10.0, 0)
+    for one in (law, other):
+        one.arrived(7, 1000 * NS_PER_S)
+    assert law.next() == other.next()
+    assert law.next() is not None
+
+
 @both_laws
 def test_restart_forgets_everyone(law_of: Callable[..., DepartureLaw]) -> None:
     """After a restart nobody is due, a new life begins, and an empty law gives nobody up."""

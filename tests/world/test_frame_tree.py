@@ -644,3 +644,33 @@ def test_random_arrivals_agree_with_the_slow_twin(seed: int) -> None:
         else:
             found = tree.lookup(target, source, stamp).matrix()
             np.testing.assert_allclose(found, expected.matrix(), atol=1e-10)
+
+
+def test_a_frame_has_the_parent_of_its_newest_sample() -> None:
+    """Where one of another parent has the same stamp, that came last; or when it is forgotten."""
+    tree = FrameTree()
+    put(tree, "a", "c", 1)
+    put(tree, "b", "c", 1)
+    assert [edge.parent for edge in tree.edges()] == ["b"]
+    tree = FrameTree()
+    put(tree, "a", "c", 1)
+    put(tree, "b", "c", 2)
+    tree.forget_after(S)
+    assert [edge.parent for edge in tree.edges()] == ["a"]
+
+
+def test_a_sample_as_old_as_the_history_is_kept() -> None:
+    """Older ones are dropped."""
+    tree = FrameTree(10 * S)
+    put(tree, "a", "c", 20)
+    put(tree, "a", "c", 10)
+    put(tree, "a", "c", 9)
+    assert [edge.first_ns for edge in tree.edges()] == [10 * S]
+
+
+def test_odometry_does_not_turn_a_static_edge_round() -> None:
+    """What tf gives once and for all goes before odometry that names it the other way."""
+    tree = FrameTree()
+    fix(tree, "a", "b", 1.0)
+    tree.set_transform("b", "a", S, (0.0, 0.0, 0.0), UNTURNED, source=ODOMETRY)
+    assert [(edge.parent, edge.child) for edge in tree.edges()] == [("a", "b")]

@@ -37,6 +37,8 @@ class Existence(NamedTuple):
     def detected(self) -> "Existence":
         """Return the belief after a detection: something is there."""
         total = self.artefact + self.false_alarm
+        if not total:  # after hours without a look; a false alarm does not go on for so long
+            return Existence(1.0, 0.0)
         return Existence(self.artefact / total, self.false_alarm / total)
 
     def missed(self, probability: float) -> "Existence":

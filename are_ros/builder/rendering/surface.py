@@ -152,7 +152,8 @@ class SurfaceBank:
     """
 
     def __init__(self, seed: int = 0) -> None:
-        self._seed = seed
+        self.seed = seed
+        """That of the surfaces that are not made yet."""
         self._surfaces: dict[tuple[int, int], Surface] = {}
 
     def of(self, row: CatalogueRow, artefact_id: int = 0) -> Surface:
@@ -161,6 +162,6 @@ class SurfaceBank:
         if key not in self._surfaces:
             while len(self._surfaces) >= _KEPT:
                 self._surfaces.pop(next(iter(self._surfaces)))
-            random = generator(self._seed, Purpose.APPEARANCE, artefact_id)
+            random = generator(self.seed, Purpose.APPEARANCE, artefact_id)
             self._surfaces[key] = Surface.of_mesh(drawn_mesh(row, random))
         return self._surfaces[key]

@@ -56,6 +56,10 @@ class SensorAugmentation:
         for path in self._paths.values():
             path.wait_ns = seconds_to_ns(settings.tf_wait)
 
+    def reseed(self, seed: int) -> None:
+        """Draw what is painted from another seed; see `Studio.reseed`."""
+        self._studio.reseed(seed)
+
     def prepare(self, environment: Environment) -> None:
         """Compute the surface of an environment, if there are sensors."""
         if self._paths:

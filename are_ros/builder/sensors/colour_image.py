@@ -317,7 +317,7 @@ class Studio:
 
     def noise(self, stamp_ns: int) -> np.random.Generator:
         """Return the generator of the noise of an image."""
-        return generator(self._seed, Purpose.APPEARANCE, max(stamp_ns, 0))
+        return generator(self._seed, Purpose.IMAGE_NOISE, max(stamp_ns, 0))
 
     def painter(self, lens: Lens) -> Painter:
         """Return the painter of a lens; the newest few are kept."""
@@ -330,6 +330,10 @@ class Studio:
     def keep_depth(self, depth: DepthImage) -> None:
         """Keep a depth image, as it was received, for the image of its time."""
         self._depths.append(depth)
+
+    def reseed(self, seed: int) -> None:
+        """Draw noise and the looks of later artefacts from another seed."""
+        self._seed = self.surfaces.seed = seed
 
     def forget(self) -> None:
         """Forget the depth images: the clock jumped."""

@@ -230,7 +230,7 @@ class PointCloud:
 
         That is the ray's own point, or in an unorganised cloud its neighbour's.
         """
-        if len(self.data) > 1:
+        if len(self.data) != 1:
             return rays_of_holes((len(self.data), self.width), returns, directions)
         columns = self._columns(self.data, self.width)
         rows = next((columns[name][0, returns] for name in _names(columns, _ROWS)), None)
@@ -251,7 +251,7 @@ class PointCloud:
 
         In an organised cloud these are the rays' own points, else copies of their neighbours.
         """
-        if len(self.data) > 1:
+        if len(self.data) != 1:
             return self.data.copy(), self.width, owners
         points = self.data[0, : self.width * self.point_step].reshape(self.width, self.point_step)
         points = np.concatenate((points, points[owners]))

@@ -147,11 +147,11 @@ class SensorPath:
         """Release the readings whose transform is known now, in order."""
         self._watch_too_early(now_ns)
         while self._waiting:
-            if self._is_too_old(self._waiting[0].reading, now_ns):
+            head = self._waiting[0].reading
+            if self._is_too_old(head, now_ns):
                 self._release(self._waiting.popleft(), now_ns, None)
                 continue
-            pose = self._exact_pose(self._waiting[0].reading)
-            head = self._waiting[0].reading
+            pose = self._exact_pose(head)
             if pose is None or self._lacks_lens() or self._lacks_partner(head):
                 return
             self._release(self._waiting.popleft(), now_ns, pose)

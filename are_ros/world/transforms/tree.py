@@ -114,8 +114,9 @@ class FrameTree:
     ) -> None:
         """Take parent_from_child at a stamp: translation (3,) [m], quaternion (4,) x y z w.
 
-        With a clock, samples of the frame that are stamped more than the history ahead of `now_ns`
-        give way to one that is not: tf2 would drop all others until the clock is there.
+        With a clock, where samples of the frame are stamped more than the history ahead of
+        `now_ns`, all that are later than it give way to one that is not: tf2 would drop all others
+        until the clock is there.
 
         The quaternion is normalised; InvalidTransformError if its squared norm is further than 0.01
         from 1, a number is not finite, a coordinate exceeds 1e7 m, a name is empty or both names
@@ -312,7 +313,7 @@ class FrameTree:
     def _fail(
         self, status: int, target: str, source: str, stamp_ns: int, before: str = ""
     ) -> NoReturn:
-        """Raise the error of a kernel's status; `before` goes before a beginning that is too late."""
+        """Raise the error of a kernel's status; `before` says what precedes a late beginning."""
         when = "the latest time" if stamp_ns == STATIC else in_seconds(stamp_ns)
         asked = f"{target} from {source} at {when}"
         frame, reason = divmod(status, STATUSES)

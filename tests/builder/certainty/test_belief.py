@@ -95,3 +95,10 @@ def test_one_class_is_certain() -> None:
     belief = Belief(np.array((1.0,)))
     belief.look(np.random.default_rng(1), 0, 0.2, 0)
     assert belief.ranked(("thing",)) == (("thing",), (1.0,))
+
+
+def test_a_detection_after_hours_is_of_an_artefact() -> None:
+    """No probability is left of either source by then; a false alarm does not last so long."""
+    belief = Existence(0.7, 0.3).later(7000.0, 0.2, 2.0)
+    assert (belief.artefact, belief.false_alarm) == (0.0, 0.0)
+    assert belief.detected() == Existence(1.0, 0.0)

@@ -95,6 +95,14 @@ def test_every_encoding_is_painted_alike(encoding: str, obstacles: Obstacles) ->
     assert found == pytest.approx(np.broadcast_to(wanted, 3), abs=12)
 
 
+def test_reseeding_draws_the_noise_of_images_anew(make_scene: Any) -> None:
+    """As a builder of that seed has it."""
+    builders = [make_scene({"seed": seed}).builder for seed in (1, 2)]
+    builders[0].reseed(2, 1_000_000_000)
+    first, second = (one.sensors._studio.noise(5).random(9).tolist() for one in builders)
+    assert first == second
+
+
 @pytest.mark.parametrize("encoding", MOSAICS)
 def test_each_pixel_of_a_mosaic_has_its_colour(encoding: str) -> None:
     """Red, green or blue, as the name says, from the top left corner on; others keep their bits."""

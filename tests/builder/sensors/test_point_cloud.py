@@ -386,3 +386,33 @@ def test_what_is_far_from_all_costs_one_look(kind: str, step: int) -> None:
     np.testing.assert_array_equal(found, expected)
     np.testing.assert_allclose(ours, rays[expected], atol=1e-7)
     np.testing.assert_array_equal(lengths_m, ranges_m[expected])
+
+
+@pytest.mark.parametrize("shape", [(1, 0), (0, 0), (0, 5)])
+@pytest.mark.parametrize("with_rings", [False, True])
+def test_a_cloud_without_points_stays_as_it_is(shape: tuple[int, int], *, with_rings: bool) -> None:
+    """Also where its sensor stands within the ball about an artefact, whatever its fields are."""
+    fields = [CloudField(name, 4 * k, 7) for k, name in enumerate("xyz")]
+    fields += [CloudField("ring", 12, 4)] if with_rings else []
+    cloud = PointCloud.checked(
+        np.empty(0, np.uint8),
+        frame_id="laser",
+        stamp_ns=1,
+        fields=fields,
+        is_bigendian=False,
+        is_dense=True,
+        shape=shape,
+        steps=(16 * shape[1], 16),
+    )
+    near = OrientedBoxes(np.array([[0.3, 0.0, 0.0]]), np.zeros(1), np.full((1, 3), 0.5))
+    assert cloud.augmented(HERE, Obstacles(near, MeshSelection.boxes_only(1))) is cloud
+
+
+def test_a_body_of_which_only_the_near_side_is_within_reach_is_met() -> None:
+    """Its centre is farther than every return."""
+    angles = np.arange(360) * math.tau / 360
+    ring = np.stack((2.0 * np.cos(angles), 2.0 * np.sin(angles), 0.0 * angles), axis=1)
+    far = OrientedBoxes(np.array([[2.3, 0.0, 0.0]]), np.zeros(1), np.array([[0.5, 0.3, 1.0]]))
+    cloud = PointCloud.of_points("laser", 1, ring)
+    changed = cloud.augmented(HERE, Obstacles(far, MeshSelection.boxes_only(1)))
+    assert np.linalg.norm(changed.points_m(), axis=1).min() == pytest.approx(1.8, abs=1e-3)

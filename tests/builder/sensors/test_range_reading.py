@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from are_ros.builder.occlusion.meshes import MeshSelection
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.sensors.obstacles import Obstacles
-from are_ros.builder.sensors.range_reading import RangeReading
+from are_ros.builder.sensors.range_reading import RangeReading, _rays_in_cone
 from are_ros.errors import InputError
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.rigid_transform import RigidTransform
@@ -168,3 +168,21 @@ def first_hits(origin_m: Floats, rays: Floats, boxes: OrientedBoxes, more_m: flo
         hit = near <= np.fmax(a, b).min(axis=1)
         best = np.where(hit, np.minimum(best, near), best)
     return best
+
+
+@pytest.mark.parametrize("fov_rad", [0.2, 0.5, 1.0, 2.0])
+def test_no_gap_of_the_cone_is_wider_than_a_hundredth(fov_rad: float) -> None:
+    """On its rim, where the fans are farthest apart, and from ray to ray of a fan."""
+    rays = _rays_in_cone(fov_rad)
+    away_rad = np.arccos(np.clip(rays[:, 0], -1.0, 1.0))
+    assert away_rad.max() == pytest.approx(0.5 * fov_rad)
+    assert np.diff(np.unique(np.round(away_rad, 9))).max() <= 0.0101
+    rim = rays[away_rad > 0.5 * fov_rad - 1e-6]
+    turns = np.unique(np.round(np.arctan2(rim[:, 2], rim[:, 1]), 9))
+    gaps_rad = np.diff(np.append(turns, turns[0] + math.tau))
+    assert gaps_rad.max() * math.sin(0.5 * fov_rad) <= 0.0101
+
+
+def test_a_cone_wider_than_half_a_space_has_the_rays_of_its_equator() -> None:
+    """Its fans are farthest apart there, and not on its rim."""
+    assert len(_rays_in_cone(math.tau)) >= 314 * 600

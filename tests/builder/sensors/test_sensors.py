@@ -109,6 +109,35 @@ def test_a_scan_older_than_the_kept_poses_passes_through() -> None:
     assert "poses.history" in path.queue.last_problem
 
 
+def test_a_late_scan_older_than_the_kept_poses_passes_through() -> None:
+    """It waited, and the correction could be held; but where artefacts were is not known."""
+    path = Path()
+    path.correction(0)
+    for stamp_ns in (0, 2000):
+        path.odom(stamp_ns)
+    path.push(500, 1480)
+    path.queue.deadline_passed(1530)
+    assert path.counts() == (0, 0, 1)
+    assert "poses.history" in path.queue.last_problem
+
+
+def test_a_transform_that_never_comes_hides_no_late_one() -> None:
+    """The first scan is of before all transforms, and given up; that of the second comes late."""
+    path = Path()
+    path.correction(0)
+    path.odom(0)
+    path.push(-5, 10)
+    path.queue.deadline_passed(60)
+    path.push(1100, 1110)
+    path.queue.deadline_passed(1160)
+    path.correction(1200)
+    path.odom(1200)
+    path.queue.transforms_came(1240)
+    assert path.queue.late_ns == 130
+    path.queue.clear()
+    assert path.queue.late_ns == 0
+
+
 def test_a_scan_whose_transform_is_there_leaves_at_once() -> None:
     """At the pose of its own stamp, interpolated."""
     path = Path()
