@@ -1,7 +1,7 @@
 """Draws docs/images/depth.png: `python scripts/draw_depths.py REPLAY [--out docs/images]`.
 
-REPLAY is the folder of a replay with images of depths of 16 bits and with inputs. The picture is
-the last image as it came in, and beside it as it went out.
+REPLAY is the folder of a replay with raw images of depths of 16 bits (`sensor_msgs/Image`) and with
+inputs. The picture is the last image as it came in, and beside it as it went out.
 """
 
 import argparse
@@ -29,8 +29,11 @@ def main() -> None:
     with BagReader([arguments.replay / "augmented.mcap"]) as reader:
         images = [topic.name for topic in reader.topics if topic.type_name.endswith("/Image")]
         inputs = [name for name in images if not name.startswith(PREFIX)]
+        outputs = [name for name in images if name.startswith(PREFIX) and "depth" in name]
+        if not (inputs and outputs):
+            parser.error(f"{arguments.replay}: it has no raw image of depths, or no inputs")
         last = {m.topic: reader.deserialize(m) for m in reader.messages((*inputs, *images))}
-    real, output = last[inputs[0]], last[f"{PREFIX}depth/image"]
+    real, output = last[inputs[0]], last[outputs[0]]
     gap = np.full((real.height, 8, 3), 255, np.uint8)
     both = Image.fromarray(np.hstack((coloured(real), gap, coloured(output))))
     both.thumbnail((2 * _WIDTH + 8, both.height))

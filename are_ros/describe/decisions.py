@@ -362,7 +362,7 @@ def decision_lines(
     return [
         ("reach", f"{reaches} cells of {coarse.cell_size_m:g} m in an epoch ({speeds})"),
         ("epoch", f"{settings.decision_period:g} s, horizon {journey.horizons[-1].left_s:g} s"),
-        ("prices", f"of an epoch {model.time:.3g}, and {walls}; {model.rest:.3g} less for staying"),
+        ("prices", f"of an epoch {model.time:.3g}, and {walls}; {model.rest:.3g} less for a stop"),
         ("", f"effort {effort} by pace; {turns}"),
         ("goal", f"worth {model.goal:.3g}; late: {model.late:g} times the rest of the way"),
         ("policy", f"temperature {settings.temperature:g}, persistence {settings.persistence:g} s"),

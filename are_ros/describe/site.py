@@ -15,7 +15,7 @@ from are_ros.parameters.choices import Region
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue
 from are_ros.population.randomness import Purpose, generator
-from are_ros.wording import percent
+from are_ros.wording import listed, percent
 from are_ros.world.environment import Environment
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.regions import SpawnRegion, Zones, read_zones_file, region_finder
@@ -23,6 +23,8 @@ from are_ros.world.transforms.tree import FrameTree
 
 UNIT_AREA_M2: Final = 100.0
 """The area that figures refer to without a map."""
+_MOST_LABELS: Final = 5
+"""So many rows that fit nowhere are named."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,4 +145,7 @@ def _misfit_text(site: Site, catalogue: Catalogue, probabilities: npt.NDArray[np
     rows = [row.index for row in catalogue.rows if row.index in site.misfits]
     noun = "row fits" if len(rows) == 1 else "rows fit"
     share = percent(float(probabilities[rows].sum()))
-    return f"{len(rows)} {noun} nowhere in the region: {share} of arrivals blocked"
+    labels = list(dict.fromkeys(catalogue.rows[index].label for index in rows))
+    more = len(labels) - _MOST_LABELS
+    named = listed(labels if more <= 1 else [*labels[:_MOST_LABELS], f"{more} more"])
+    return f"{len(rows)} {noun} nowhere in the region: {share} of arrivals blocked ({named})"

@@ -489,7 +489,7 @@ def _draw_arrivals(axes: Any, trial: Trial, site: Site, end_s: float, colours: A
     look = {"s": 26, "edgecolors": "white", "linewidths": 0.6}
     points = trial.points_m[early].T
     axes.scatter(*points, c=colours(trial.placed_s[early] / end_s), zorder=3, **look)
-    whose = "the first arrival of each group" if trial.chain.is_grouped else "all arrivals"
+    whose = "the first of each group" if trial.chain.is_grouped else "all that appeared"
     count = f"[m]   {counted(len(trial.points_m), 'place')}, of {whose}"
     name_axes(axes, "arrivals in space", f"{count}; in colour: in the time shown")
     axes.spines[:].set_visible(True)
