@@ -1,5 +1,6 @@
 """Pictures on a map: overview.png of a run, and align.png of laser scans at their places."""
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -32,11 +33,12 @@ from are_ros.draw.artefacts import (
     outline_of,
     path_of,
 )
-from are_ros.draw.canvas import Canvas, bounds_of
+from are_ros.draw.canvas import Canvas, Rectangle, bounds_of
 from are_ros.draw.map import View, draw_map, known_part, window_of, with_furniture
 from are_ros.draw.palette import (
     CONTACT,
     GREY,
+    INK,
     ROBOT,
     SEEN,
     SERIES,
@@ -75,6 +77,8 @@ Floats = npt.NDArray[np.float64]
 
 _SWEPT_FANS: Final = 60
 _LABEL_PX: Final = 12
+_LONGEST_GAP_PX: Final = 10.0
+"""A number that is farther from its artefact has a line to it."""
 
 
 def draw_overview(
@@ -110,14 +114,12 @@ def draw_overview(
     draw_map(canvas, view, grid, shown_cells)
     _draw_ever_seen(sheet, record, walls_of(grid, occupied_threshold, voxels))
     draw_paths(canvas, view, paths, colours, marks)
-    labels = _draw_artefacts(sheet, standing, colours, end_ns)
+    outlines = _draw_artefacts(sheet, standing, colours, end_ns)
     _draw_robot(sheet, record)
     _draw_events(sheet, record)
-    placed = Labels(view.rectangle, _LABEL_PX).place(labels, [label.box for label in labels])
-    for one in placed:
-        canvas.text(one.text, one.place[:2], _LABEL_PX)
+    left_out = _draw_ids(sheet, outlines)
     duration_s = record.duration_ns / NS_PER_S if len(record.robot) else None
-    subtitle = subtitle_of(record, len(labels) - len(placed), ids_as_in)
+    subtitle = subtitle_of(record, left_out, ids_as_in)
     sheet.write(path, _title(record), subtitle, duration_s)
 
 
@@ -145,17 +147,44 @@ def _draw_ever_seen(sheet: Sheet, record: SceneRecord, walls: VoxelField) -> Non
 
 def _draw_artefacts(
     sheet: Sheet, lives: Sequence[Life], colours: Mapping[str, Rgb], end_ns: int
-) -> list[Label]:
-    """Draw each artefact at its end; return its id as a label, those of the perceived first."""
-    labels = []
+) -> dict[int, Floats]:
+    """Draw each artefact at its end; return the corners (4, 2) by id, what is on top last."""
+    corners_px = {}
     for life in lives:
         outline = outline_of(sheet.view, life.footprints.poses[-1], life.row.size_m)
         alpha = GONE_ALPHA if is_gone(life, end_ns) else 1.0
         colour = colours[life.row.class_name]
         draw_artefact(sheet.canvas, outline, colour, is_opaque=life.is_perceived, alpha=alpha)
-        box = bounds_of(outline.corners_px)
-        labels.append(Label(life.artefact_id, box, (id_text(life.artefact_id),)))
-    return labels[::-1]
+        corners_px[life.artefact_id] = outline.corners_px
+    return corners_px
+
+
+def _draw_ids(sheet: Sheet, corners_px: dict[int, Floats]) -> int:
+    """Write the ids beside their artefacts, those on top first; return how many found no place."""
+    labels = [
+        Label(number, bounds_of(corners), (id_text(number),))
+        for number, corners in reversed(corners_px.items())
+    ]
+    inside, boxes = sheet.view.rectangle, [label.box for label in labels]
+    placed = Labels(inside, _LABEL_PX).place(labels, boxes)
+    for one in placed:
+        leader_px = _leader_px(one.place, corners_px[one.label.key])
+        if math.dist(*leader_px) > _LONGEST_GAP_PX:
+            sheet.canvas.line(leader_px, INK, 0.8)
+        sheet.canvas.text(one.text, one.place[:2], _LABEL_PX)
+    return len(labels) - len(placed)
+
+
+def _leader_px(place: Rectangle, corners_px: Floats) -> Floats:
+    """Return the two points (2, 2) at which a rectangle and a turned one come nearest, or so."""
+    left, top, right, bottom = place
+    middle = np.array((0.5 * (left + right), 0.5 * (top + bottom)))
+    sides = np.roll(corners_px, -1, axis=0) - corners_px
+    lengths = np.maximum((sides**2).sum(axis=1), 1e-9)
+    along = np.clip(((middle - corners_px) * sides).sum(axis=1) / lengths, 0.0, 1.0)
+    points = corners_px + along[:, np.newaxis] * sides
+    nearest = points[np.linalg.norm(points - middle, axis=1).argmin()]
+    return np.array((np.clip(nearest, (left, top), (right, bottom)), nearest))
 
 
 def _draw_robot(sheet: Sheet, record: SceneRecord) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from are_ros.agents.events import SceneMetrics
 from are_ros.draw.map import known_part, shaded, window_of, with_furniture
-from are_ros.draw.overview import draw_overview, subtitle_of
+from are_ros.draw.overview import _leader_px, draw_overview, subtitle_of
 from are_ros.draw.robot import fan_at, level_sight, other_fans, spread_indices, walls_of
 from are_ros.draw.scene import CameraAt, Life, SceneRecord, TickSeries, Track
 from are_ros.population.catalogue import CatalogueRow
@@ -100,6 +100,21 @@ def test_all_cameras_are_drawn(tmp_path: Path) -> None:
     blind = _drawn(replace(alone, others={}), _room(), tmp_path / "b.png")
     drawn = _drawn(alone, _room(), tmp_path / "b.png")
     assert (drawn[: blind.shape[0]] != blind[: drawn.shape[0]]).any(axis=2).sum() > 5_000
+
+
+def test_a_number_has_a_line_to_its_artefact() -> None:
+    """From the side of the number to the nearest point of the outline, as many points find it."""
+    turned = np.array(((60.0, 10.0), (95.0, 30.0), (80.0, 56.0), (45.0, 36.0)))
+    sides = np.roll(turned, -1, axis=0) - turned
+    points = np.concatenate([turned + share * sides for share in np.linspace(0.0, 1.0, 2001)])
+    for left, top in ((0.0, 0.0), (120.0, 20.0), (60.0, 90.0), (20.0, 50.0)):
+        begin, end = _leader_px((left, top, left + 14.0, top + 9.0), turned)
+        middle = np.array((left + 7.0, top + 4.5))
+        shortest_px = np.linalg.norm(points - middle, axis=1).min()
+        assert np.linalg.norm(end - middle) == pytest.approx(shortest_px, abs=1e-3)
+        assert np.linalg.norm(points - end, axis=1).min() < 0.02
+        assert left <= begin[0] <= left + 14.0
+        assert top <= begin[1] <= top + 9.0
 
 
 WAY = ((0.5, 0.5, 0.0), (1.5, 0.5, 0.3), (2.5, 1.5, 1.0))
