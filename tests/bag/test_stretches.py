@@ -116,6 +116,21 @@ def test_a_window_within_a_gap_has_no_span() -> None:
         assert [gap.length_ns for gap in found.gaps] == ([] if has_span else [11 * S])
 
 
+def test_what_moves_for_a_second_between_gaps_is_replayed() -> None:
+    """A shorter stretch is stray messages; where there is nothing else, they are replayed."""
+    moving = every(S, 0, 11 * S)
+    for length_ns, is_kept in ((S, True), (S - 1, False)):
+        begin_ns = 200 * S
+        stray = np.array([begin_ns, begin_ns + length_ns - 1], np.int64)
+        times = times_of(np.concatenate((moving, stray)))
+        found = stretches_of(times, BagClock.of(times), 0, 300 * S)
+        spans = ((0, 10 * S + 1), (begin_ns, begin_ns + length_ns))
+        assert found.spans == (spans if is_kept else spans[:1])
+        alone = times_of(stray)
+        found = stretches_of(alone, BagClock.of(alone), 0, 300 * S)
+        assert found.spans == spans[1:]
+
+
 def test_a_replay_of_a_gap_alone_is_refused(
     run_are: RunAre, sample_records: Records, write_bag: WriteBag, tmp_path: Path
 ) -> None:

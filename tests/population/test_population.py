@@ -482,6 +482,20 @@ def test_a_new_start_forgets_the_living_and_no_id_comes_twice(kind: Departures) 
     assert not {e.artefact_id for e in first} & {e.artefact_id for e in second}
 
 
+def test_the_departed_are_known_for_the_length_of_the_history() -> None:
+    """Two seconds; then the next departure has them forgotten."""
+    population = _population(per_s=0.0, mean_life_s=1e6)
+    pose = GroundPose(1.0, 1.0, 0.0, 0.0)
+    first, second = (
+        population.admit(ROWS[0], pose, EPOCH_NS, origin=Origin.SERVICE).artefact_id
+        for _ in range(2)
+    )
+    population.remove(first, _seconds(10.0), Cause.REMOVED)
+    assert [one.id for one in population.present_at(_seconds(9.0))] == [first, second]
+    population.remove(second, _seconds(13.0), Cause.REMOVED)
+    assert [one.id for one in population.present_at(_seconds(9.0))] == [second]
+
+
 @both_kinds
 @pytest.mark.parametrize("waited_s", [0.0, 2.0])
 def test_a_life_after_a_jump_of_the_clock_is_as_long_as_any(

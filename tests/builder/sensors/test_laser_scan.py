@@ -46,6 +46,12 @@ def test_a_count_off_by_one_fits(count: int) -> None:
     assert not scan.misfit
 
 
+@pytest.mark.parametrize("count", [3, 7])
+def test_a_count_off_by_two_does_not_fit(count: int) -> None:
+    """No driver counts so."""
+    assert replace(SCAN, ranges=np.ones(count, dtype=np.float32)).checked().misfit
+
+
 @pytest.mark.parametrize(
     ("scan", "sentence"),
     [
