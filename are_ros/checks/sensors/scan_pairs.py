@@ -92,6 +92,7 @@ class Pairs:
         self.pairs = 0
         self.input_topics: dict[str, type] = {}
         self._inputs: dict[_Key, list[tuple[str, Any]]] = {}
+        self._recent: dict[str, deque[_Key]] = {}
         self._outputs: dict[_Key, list[tuple[str, Any]]] = {}
 
     def unmatched(self) -> list[tuple[str, int]]:
@@ -99,15 +100,20 @@ class Pairs:
         return [(topic, key[0]) for key, all_ in self._outputs.items() for topic, _ in all_]
 
     def matched(self, topic: str, reading: Any, most_waiting: int) -> list[_Pair]:
-        """Take a reading, and return the pairs that it completes; the oldest inputs are dropped."""
+        """Take a reading, and return the pairs that it completes.
+
+        Of the inputs of a topic the last `most_waiting` are kept: it may be augmented or not.
+        """
         key = (reading.stamp_ns, reading.frame_id, type(reading))
         if topic.startswith(PREFIX):
             self._outputs.setdefault(key, []).append((topic, reading))
         else:
             self.input_topics[topic] = type(reading)
             self._inputs.setdefault(key, []).append((topic, reading))
-            while len(self._inputs) > most_waiting:  # the node does not augment this sensor
-                del self._inputs[next(iter(self._inputs))]
+            recent = self._recent.setdefault(topic, deque())
+            recent.append(key)
+            if len(recent) > most_waiting:
+                self._drop(recent.popleft(), topic)
         inputs, outputs = self._inputs.pop(key, []), self._outputs.pop(key, [])
         is_only = list(self.input_topics.values()).count(key[2]) == 1
         found: list[_Pair] = []
@@ -122,6 +128,12 @@ class Pairs:
             self._outputs[key] = outputs
         self.pairs += len(found)
         return found
+
+    def _drop(self, key: _Key, topic: str) -> None:
+        """Drop the input of a topic, if it still waits."""
+        others = [one for one in self._inputs.pop(key, []) if one[0] != topic]
+        if others:
+            self._inputs[key] = others
 
 
 class ScanPairs(Pairs):

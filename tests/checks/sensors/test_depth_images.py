@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -21,7 +21,7 @@ from are_ros.checks.sensors.depth_images import (
     nearest_depths,
     rays_of,
 )
-from are_ros.checks.sensors.scan_pairs import Kept, ScanPairs
+from are_ros.checks.sensors.scan_pairs import Kept, Pairs, ScanPairs
 
 HERE = Pose(np.eye(3), np.zeros(3))
 BOX = box_triangles() * (0.4, 0.3, 0.2) + (0.1, 0.0, 3.0)
@@ -246,3 +246,25 @@ def test_what_is_kept_is_spread_over_a_recording() -> None:
     assert 20 <= len(kept.kept) <= 40
     assert len(set(steps.tolist())) == 1
     assert info_topic("/a/depth/image/compressedDepth") == "/a/depth/camera_info"
+
+
+class _Scan(NamedTuple):
+    stamp_ns: int
+    frame_id: str = "laser"
+
+
+class _Cloud(NamedTuple):
+    stamp_ns: int
+    frame_id: str = "laser"
+
+
+def test_a_sensor_that_is_not_augmented_drops_no_input_of_another() -> None:
+    """A node that stands still sends what it made of a scan a hundred clouds later."""
+    pairs = Pairs()
+    for k in range(150):
+        assert pairs.matched("/scan", _Scan(k), 2000) == []
+        assert pairs.matched("/points", _Cloud(k), 100) == []
+    found = [pairs.matched("/ar_builder/scan", _Scan(k), 2000) for k in range(150)]
+    assert [len(one) for one in found] == [1] * 150
+    late = [len(pairs.matched("/ar_builder/points", _Cloud(k), 100)) for k in range(150)]
+    assert late == [0] * 50 + [1] * 100
