@@ -73,6 +73,8 @@ def _one_down(falls_per_s: Numbers) -> Any:
 
 
 _NEGLIGIBLE = 1e-12
+_CORRELATION_TIMES = 3.0
+"""After so many, 95 % of the expected number are there."""
 
 
 @dataclass(frozen=True)
@@ -142,6 +144,22 @@ class BirthDeath:
     def mean(self) -> float:
         """The stationary mean of N."""
         return float(self.law @ np.arange(len(self.law)))
+
+    @property
+    def settles_s(self) -> float:
+        """About how long [s] it takes from nobody to 95 % of the stationary mean.
+
+        Three correlation times; longer where the bound, which shortens these, is far away: the mean
+        without it grows as load (1 - exp(-t / mean life)), or, at a constant rate of departures, by
+        the difference of the rates, or as a random walk spreads.
+        """
+        wanted, growth_per_s = 0.95 * self.mean, self.members_per_s - 1.0 / self.mean_life_s
+        fills_s = 0.0
+        if self.departures is Departures.INDEPENDENT:
+            fills_s = -self.mean_life_s * math.log1p(-min(wanted / self.load, 0.95))
+        elif growth_per_s > 0.0:
+            fills_s = min(wanted / growth_per_s, wanted * wanted / self.members_per_s)
+        return max(_CORRELATION_TIMES * self.correlation_s, fills_s)
 
     @property
     def deviation(self) -> float:

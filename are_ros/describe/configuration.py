@@ -136,8 +136,6 @@ def _text(value: Value) -> str:
 
 
 _WORTH_A_WORD = 0.001
-_SETTLED = 3.0
-"""After so many correlation times 95 % of the expected number are there."""
 
 
 def population_lines(
@@ -271,7 +269,7 @@ def _memory_rows(chain: BirthDeath) -> list[tuple[str, str]]:
     """Return for how long the number alive remembers, nothing where it never changes."""
     if chain.members_per_s <= 0.0 or chain.max_alive == 0:
         return []
-    forgets, settled = (_duration(n * chain.correlation_s) for n in (1.0, _SETTLED))
+    forgets, settled = _duration(chain.correlation_s), _duration(chain.settles_s)
     text = f"forgotten in about {forgets} (correlation time)"
     return [("memory", f"{text}; a run begins empty: fewer in its first {settled}")]
 

@@ -166,7 +166,8 @@ def _goal_of(
             cell = coarse.cell_of(x_m, y_m)
             if cell is not None and coarse.components[cell] == largest:
                 return coarse, coarse.anchor_of(cell)
-    raise MapError(f"{row.label} has no destination on this map: it is too wide for it")
+    reason = "it is too wide for it" if len(places.destinations_m) else "there is no floor on it"
+    raise MapError(f"{row.label} has no destination on this map: {reason}")
 
 
 def best_moves(
@@ -276,7 +277,7 @@ def simulate_lives(
     survey: Survey,
     progress: Callable[[int], object] = lambda _: None,
 ) -> Lives:
-    """Let 40 artefacts of a type live for a minute each on a map, without a robot.
+    """Let 40 artefacts of a type, or a few more, live for a minute each on a map, without a robot.
 
     On a small map they come one crowd after the other. `progress` gets the time [ns], which ends
     at `simulated_ns`. MapError if none finds a place.
@@ -354,13 +355,14 @@ def decision_lines(
     """Return what the decisions of a type rest on, and what came of them, as pairs of cells."""
     model, coarse, slip = journey.model, journey.coarse, f"{journey.model.slip:g}"
     reaches = listed([f"{reach}" for reach in model.reaches])
+    cells = "cell" if reaches == "1" else "cells"
     speeds = listed([f"{speed:.2g} m/s" for speed in paces_mps(row)])
     effort = listed([f"{price:.3g}" for price in model.effort])
     turns = f"{model.quarter_turn:.3g} for a quarter turn, {model.half_turn:.3g} for a half"
     walls = f"{model.clearance:.3g} beside walls"
     runs = [f"{percent(one.running_share)} at {one.left_s:g} s" for one in journey.horizons]
     return [
-        ("reach", f"{reaches} cells of {coarse.cell_size_m:g} m in an epoch ({speeds})"),
+        ("reach", f"{reaches} {cells} of {coarse.cell_size_m:g} m in an epoch ({speeds})"),
         ("epoch", f"{settings.decision_period:g} s, horizon {journey.horizons[-1].left_s:g} s"),
         ("prices", f"of an epoch {model.time:.3g}, and {walls}; {model.rest:.3g} less for a stop"),
         ("", f"effort {effort} by pace; {turns}"),

@@ -23,8 +23,8 @@ from are_ros.world.transforms.tree import FrameTree
 
 UNIT_AREA_M2: Final = 100.0
 """The area that figures refer to without a map."""
-_MOST_LABELS: Final = 5
-"""So many rows that fit nowhere are named."""
+_WIDEST: Final = 100
+"""So many characters of the labels that fit nowhere are shown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +81,7 @@ def site_rows(
         ("region", f"{region}, {rate}" if site.area_m2 else f"{region}: nobody can arrive"),
     ]
     if site.misfits:
-        rows.append(("too large", _misfit_text(site, catalogue, probabilities)))
+        rows += _misfit_rows(site, catalogue, probabilities)
     return rows
 
 
@@ -141,11 +141,16 @@ def _region_text(survey: Survey, kind: Region, area_m2: float) -> str:
     return f"reachable space: the largest of {survey.parts} parts, {area_m2:.4g} m^2"
 
 
-def _misfit_text(site: Site, catalogue: Catalogue, probabilities: npt.NDArray[np.float64]) -> str:
+def _misfit_rows(
+    site: Site, catalogue: Catalogue, probabilities: npt.NDArray[np.float64]
+) -> list[tuple[str, str]]:
     rows = [row.index for row in catalogue.rows if row.index in site.misfits]
     noun = "row fits" if len(rows) == 1 else "rows fit"
     share = percent(float(probabilities[rows].sum()))
+    text = f"{len(rows)} {noun} nowhere in the region: {share} of arrivals blocked"
     labels = list(dict.fromkeys(catalogue.rows[index].label for index in rows))
-    more = len(labels) - _MOST_LABELS
-    named = listed(labels if more <= 1 else [*labels[:_MOST_LABELS], f"{more} more"])
-    return f"{len(rows)} {noun} nowhere in the region: {share} of arrivals blocked ({named})"
+    named, kept = listed(labels), len(labels)
+    while len(named) > _WIDEST and kept > 1:
+        kept -= 1
+        named = listed([*labels[:kept], f"{len(labels) - kept} more"])
+    return [("too large", text), ("", named)]

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
+from scipy.linalg import expm
 
 from are_ros.describe.birth_death import BirthDeath
 from are_ros.parameters.choices import Departures
@@ -15,10 +16,10 @@ from are_ros.parameters.choices import Departures
 INDEPENDENT, CONSTANT = Departures.INDEPENDENT, Departures.CONSTANT_RATE
 
 
-def _by_generator_matrix(
+def _generator_matrix(
     groups_per_s: float, mean_size: float, life_s: float, kind: Departures, bound: int
 ) -> npt.NDArray[np.float64]:
-    """Return the law as the null vector of the chain's generator matrix."""
+    """Return the chain's rates [1/s] from level to level."""
     rates = np.zeros((bound + 1, bound + 1))
     chances = stats.poisson.pmf(np.arange(100), mean_size - 1.0).tolist()
     for n in range(bound + 1):
@@ -26,7 +27,15 @@ def _by_generator_matrix(
             rates[n, min(n + size, bound)] += groups_per_s * chance
         if n:
             rates[n, n - 1] += (n if kind is INDEPENDENT else 1) / life_s
-    generator = rates - np.diag(rates.sum(axis=1))
+    generator: npt.NDArray[np.float64] = rates - np.diag(rates.sum(axis=1))
+    return generator
+
+
+def _by_generator_matrix(
+    groups_per_s: float, mean_size: float, life_s: float, kind: Departures, bound: int
+) -> npt.NDArray[np.float64]:
+    """Return the law as the null vector of the chain's generator matrix."""
+    generator = _generator_matrix(groups_per_s, mean_size, life_s, kind, bound)
     equations = np.vstack((generator.T, np.ones(bound + 1)))
     target = np.append(np.zeros(bound + 1), 1.0)
     law: npt.NDArray[np.float64] = np.linalg.lstsq(equations, target, rcond=None)[0]
@@ -47,6 +56,33 @@ def test_balance_of_the_chain(
     law = BirthDeath(groups_per_s, mean_size, life_s, kind, bound).law
     oracle = _by_generator_matrix(groups_per_s, mean_size, life_s, kind, bound)
     assert law == pytest.approx(oracle, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "chain",
+    [
+        BirthDeath(0.1, 1.0, 60.0, INDEPENDENT, 100),
+        BirthDeath(0.1, 1.0, 1e6, INDEPENDENT, 50),
+        BirthDeath(2.0, 1.0, 60.0, INDEPENDENT, 40),
+        BirthDeath(0.1, 3.0, 30.0, INDEPENDENT, 100),
+        BirthDeath(0.5, 1.0, 4.0, CONSTANT, 30),
+        BirthDeath(0.1, 1.0, 20.0, CONSTANT, 40),
+        BirthDeath(0.1, 1.0, 10.0, CONSTANT, 30),
+    ],
+)
+def test_a_run_has_settled_when_it_is_said(chain: BirthDeath) -> None:
+    """By the chain's own generator, from nobody on: about 95 % of the mean are there then."""
+    generator = _generator_matrix(
+        chain.groups_per_s,
+        chain.mean_group_size,
+        chain.mean_life_s,
+        chain.departures,
+        chain.max_alive,
+    )
+    there = expm(chain.settles_s * generator)[0] @ np.arange(chain.max_alive + 1)
+    assert 0.85 < there / chain.mean < 1.0
+    half = expm(0.5 * chain.settles_s * generator)[0] @ np.arange(chain.max_alive + 1)
+    assert half / chain.mean < 0.9
 
 
 def test_poisson_when_independent() -> None:

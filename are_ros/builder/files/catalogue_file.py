@@ -186,12 +186,36 @@ def _shared_fields(given: Fields) -> dict[str, Any]:
     return shared
 
 
+_SLOWEST_START_S: Final = 60.0
+_WIDEST_TURN_M: Final = 100.0
+_MOST_RUNNING: Final = 10.0
+
+
+def _check_what_moves(given: Fields, motion: MotionLimits) -> None:
+    """Raise CatalogueError for limits with which an artefact would stand, without a word."""
+    acceleration = motion.acceleration_mps2
+    if acceleration == 0.0:
+        given.refuse("motion.acceleration_mps2", "is 0, but what has a speed must reach it")
+    starts_s = motion.speed_mps / acceleration
+    if starts_s > _SLOWEST_START_S:
+        reason = f"is {acceleration:g}: it reaches its speed after {starts_s:.3g} s"
+        given.refuse("motion.acceleration_mps2", f"{reason}, but at most {_SLOWEST_START_S:g} s do")
+    if motion.turn_rate_radps == 0.0:
+        given.refuse("motion.turn_rate_radps", "is 0, but what has a speed must turn")
+    if motion.turn_radius_m > _WIDEST_TURN_M:
+        reason = f"is {motion.turn_radius_m:g}, but must be <= {_WIDEST_TURN_M:g}"
+        given.refuse("motion.turn_radius_m", reason)
+
+
 def _check_numbers(given: Fields, motion: MotionLimits, rewards: RewardWeights) -> None:
     """Raise CatalogueError for limits that contradict each other, and weights that overflow."""
-    if motion.speed_mps > 0.0 and motion.acceleration_mps2 == 0.0:
-        given.refuse("motion.acceleration_mps2", "is 0, but what has a speed must reach it")
-    if motion.running_factor < 1.0:
-        given.refuse("motion.running_factor", f"is {motion.running_factor:g}, but must be >= 1")
+    factor = motion.running_factor
+    if motion.speed_mps > 0.0:
+        _check_what_moves(given, motion)
+    if factor < 1.0:
+        given.refuse("motion.running_factor", f"is {factor:g}, but must be >= 1")
+    if factor > _MOST_RUNNING:
+        given.refuse("motion.running_factor", f"is {factor:g}, but must be <= {_MOST_RUNNING:g}")
     for name, weight in asdict(rewards).items():
         if weight > _LARGEST_WEIGHT:
             most = f"{_LARGEST_WEIGHT:g}"

@@ -185,6 +185,22 @@ def test_a_glb_stands_as_its_format_says(tmp_path: Path) -> None:
         ({"behaviours": {"os:sep": 1}}, "behaviours.os:sep is no class"),
         ({"behaviours": {".x:Y": 1}}, "behaviours..x:Y needs the full name of a module before"),
         ({"planners": {":Y": 1}}, "planners.:Y needs the full name of a module before the colon"),
+        (
+            {"motion": {"speed_mps": 1, "acceleration_mps2": 1e-12}},
+            "motion.acceleration_mps2 is 1e-12: it reaches its speed after 1e+12 s, but at most 60",
+        ),
+        (
+            {"motion": {"speed_mps": 1, "turn_rate_radps": 0}},
+            "motion.turn_rate_radps is 0, but what has a speed must turn",
+        ),
+        (
+            {"motion": {"speed_mps": 1, "turn_radius_m": 1e9}},
+            "motion.turn_radius_m is 1e+09, but must be <= 100",
+        ),
+        (
+            {"motion": {"running_factor": 1e6}},
+            "motion.running_factor is 1e+06, but must be <= 10",
+        ),
         ({"motion": {"running_factor": 0.5}}, "motion.running_factor is 0.5, but must be >= 1"),
         ({"behaviours": {"walk": 1}}, "behaviours.walk is not known; did you mean 'walking'?"),
         ({"behaviours": {"zzz": 1}}, "behaviours.zzz is not known; known are standing"),
