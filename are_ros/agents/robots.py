@@ -135,7 +135,7 @@ def _too_old(target: str, source: str, stamp_ns: int, now_ns: int) -> str:
 _SPAN_NS = NS_PER_S // 4
 _JUMP_M = 1.0
 _JUMP_MPS = 10.0
-"""From one pose to the next, faster and farther than this localization has corrected itself."""
+"""A way from one pose to the next that is farther and faster is a correction of localization."""
 
 
 class RobotWatch:
