@@ -388,11 +388,12 @@ class _GridChecks:
         own: dict[str, Grid] = {}
         updates: dict[str, GridUpdate] = {}
         others: list[GridMessage] = []
+        of_farewell = self._of_farewell(record, tick, messages)
         for topic, message in messages:
             # In a replay a tick that knows a map gave it out, whatever it says.
             is_stamped = message.stamp_ns == tick.scene.stamp_ns
             is_own = is_stamped if self._is_live else tick.real is not None
-            if not is_own or topic in own or topic in updates:
+            if not is_own or topic in own or topic in updates or message in of_farewell:
                 others.append((topic, message))
             elif isinstance(message, Grid):
                 own[topic] = message
@@ -413,6 +414,29 @@ class _GridChecks:
         for topic, of_updates in UPDATES_OF.items():
             self._follow_updates(record, tick, topic, updates.get(of_updates), topic in own)
         self._take_others(record, others)
+
+    def _of_farewell(
+        self, record: Record, tick: AdmittedTick, messages: list[GridMessage]
+    ) -> list[Grid]:
+        """Return the grids of a farewell that has the stamp of the tick: the last ones, bare.
+
+        Where the clock stood, both were logged at one time.
+        """
+        stamp_ns, real = tick.scene.stamp_ns, tick.real
+        if not self._is_live or real is None or stamp_ns not in record.farewells_ns:
+            return []
+        last = {
+            topic: message
+            for topic, message in messages
+            if isinstance(message, Grid) and message.stamp_ns == stamp_ns
+        }
+        return [one for topic, one in last.items() if self._is_bare(topic, one, real)]
+
+    def _is_bare(self, topic: str, message: Grid, real: RealMap) -> bool:
+        try:
+            return self._judge.shows(topic, real_map(message), real, [])
+        except ValueError:  # a malformed grid is told where it is judged
+            return False
 
     def _take_others(self, record: Record, messages: list[GridMessage]) -> None:
         """Judge grids without a tick: real maps, or grids of ticks that the recording missed."""

@@ -313,12 +313,25 @@ def test_the_end_of_a_node_is_checked(live: Tape, tmp_path: Path) -> None:
     assert results["augmented map"].looked_at > 2
 
 
-def test_a_farewell_at_the_time_of_a_tick_is_told_from_it(live: Tape, tmp_path: Path) -> None:
-    """With a coarse clock it comes with the very stamp of the last tick."""
+@pytest.mark.parametrize("has_grids", [True, False])
+@pytest.mark.parametrize("late_ns", [40 * MS, 0])
+def test_a_farewell_at_the_time_of_a_tick_is_told_from_it(
+    live: Tape, tmp_path: Path, late_ns: int, *, has_grids: bool
+) -> None:
+    """With a coarse clock it comes with the very stamp of the last tick, or a clock stood still.
+
+    That tick gave out grids of its own, or none, as moves reach them now and then.
+    """
+    live = live.part(0.0, 3.0)  # there are artefacts in the maps
     message = live.last("artefacts")
     stamp_ns = message.header.stamp.sec * NS_PER_S + message.header.stamp.nanosec
-    late = tuple((stamp_ns + 40 * MS, *rest) for _, *rest in live.farewell(stamp_ns))
-    results = results_of(live.then(*late).write(tmp_path))
+    grids = {OUT + name for name in (*GRIDS, "augmented_map_updates", "artefact_map_updates")}
+    end_ns = live.entries[-1][0]
+    before = [entry for entry in live.entries if entry[0] < stamp_ns]
+    tick = [(end_ns, *rest) for log_ns, *rest in live.entries if log_ns >= stamp_ns]
+    own = [entry for entry in tick if has_grids or entry[1] not in grids]
+    end = [(end_ns + late_ns, *rest) for _, *rest in live.farewell(stamp_ns)]
+    results = results_of(replace(live, entries=(*before, *own, *end)).write(tmp_path))
     assert bad(results) == []
     assert results["farewells"].looked_at == 1
 
