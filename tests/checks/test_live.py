@@ -328,9 +328,9 @@ def test_a_farewell_at_the_time_of_a_tick_is_told_from_it(
     grids = {OUT + name for name in (*GRIDS, "augmented_map_updates", "artefact_map_updates")}
     end_ns = live.entries[-1][0]
     before = [entry for entry in live.entries if entry[0] < stamp_ns]
-    tick = [(end_ns, *rest) for log_ns, *rest in live.entries if log_ns >= stamp_ns]
+    tick = [(end_ns, topic, data) for at, topic, data in live.entries if at >= stamp_ns]
     own = [entry for entry in tick if has_grids or entry[1] not in grids]
-    end = [(end_ns + late_ns, *rest) for _, *rest in live.farewell(stamp_ns)]
+    end = [(end_ns + late_ns, topic, data) for _, topic, data in live.farewell(stamp_ns)]
     results = results_of(replace(live, entries=(*before, *own, *end)).write(tmp_path))
     assert bad(results) == []
     assert results["farewells"].looked_at == 1
