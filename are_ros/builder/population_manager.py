@@ -449,13 +449,8 @@ def population_of(
     scenario = Scenario()
     if settings.scenario:
         scenario = read_scenario(Path(settings.scenario), catalogue)
-    given = (one.artefact_id or 0 for one in scenario.artefacts)
-    beyond = [one for one in given if one > _LAST_ID_IN_MASK]
-    if beyond and parameters.sensors.masks:
-        raise ScenarioError(
-            f"{settings.scenario}: the id {beyond[0]} does not fit into a mask (sensors.masks), "
-            f"whose pixels are ids up to {_LAST_ID_IN_MASK}"
-        )
+        if parameters.sensors.masks:
+            _check_ids_for_masks(scenario, settings.scenario)
     return Population(
         parameters.seed,
         RandomSource(parameters.seed, catalogue.rows, law, settings.group_size),
@@ -466,3 +461,13 @@ def population_of(
         stays_on=stays_on,
         scripted=ScriptedSource(scenario),
     )
+
+
+def _check_ids_for_masks(scenario: Scenario, source: str) -> None:
+    """Raise ScenarioError for an id that is no pixel of a mask."""
+    for artefact in scenario.artefacts:
+        if (artefact.artefact_id or 0) > _LAST_ID_IN_MASK:
+            raise ScenarioError(
+                f"{source}: the id {artefact.artefact_id} does not fit into a mask "
+                f"(sensors.masks), whose pixels are ids up to {_LAST_ID_IN_MASK}"
+            )

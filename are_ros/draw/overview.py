@@ -140,7 +140,7 @@ def _draw_ever_seen(sheet: Sheet, record: SceneRecord, walls: VoxelField) -> Non
     stamps = record.camera.stamps_ns[list(indices)].tolist()
     if not stamps:  # the first camera has no pose, others have
         known = sorted(record.others)
-        stamps = known[:: max(1, len(known) // _SWEPT_FANS)]
+        stamps = known[:: max(1, math.ceil(len(known) / _SWEPT_FANS))]
     found += [fan for stamp in stamps for fan in other_fans(record, walls, stamp)]
     draw_ever_seen(sheet.canvas, sheet.view, found)
 

@@ -292,7 +292,6 @@ class Studio:
         self.settings = settings
         self.expects_depth = False
         """Whether there may be depth images, though none has come yet."""
-        self._seed = seed
         self._painters: dict[int, tuple[Lens, Painter]] = {}
         self._depths: deque[DepthImage] = deque(maxlen=_KEPT)
 
@@ -317,7 +316,7 @@ class Studio:
 
     def noise(self, stamp_ns: int) -> np.random.Generator:
         """Return the generator of the noise of an image."""
-        return generator(self._seed, Purpose.IMAGE_NOISE, max(stamp_ns, 0))
+        return generator(self.surfaces.seed, Purpose.IMAGE_NOISE, max(stamp_ns, 0))
 
     def painter(self, lens: Lens) -> Painter:
         """Return the painter of a lens; the newest few are kept."""
@@ -333,7 +332,7 @@ class Studio:
 
     def reseed(self, seed: int) -> None:
         """Draw noise and the looks of later artefacts from another seed."""
-        self._seed = self.surfaces.seed = seed
+        self.surfaces.seed = seed
 
     def forget(self) -> None:
         """Forget the depth images: the clock jumped."""
