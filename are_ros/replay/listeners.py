@@ -166,12 +166,13 @@ SHARE: Final = 0.1
 class RecordKeeper(Listener):
     """Keeps the record for pictures, viewer and metrics.
 
-    `camera_since_ns` is the time of the first tick that knew the camera, `map_since_ns` that of the
-    first one that knew a map; None before it. Of all `ticks`, the robot's pose was too old at
-    `old_ticks`; `oldest_ns` is how old it was at most.
+    `first_ns` is the time of the first tick, `camera_since_ns` that of the first one that knew the
+    camera, `map_since_ns` that of the first one that knew a map; None before it. Of all `ticks`,
+    the robot's pose was too old at `old_ticks`; `oldest_ns` is how old it was at most.
     """
 
     def __init__(self, recorder: SceneRecorder, builder: ArBuilder) -> None:
+        self.first_ns: int | None = None
         self.camera_since_ns: int | None = None
         self.map_since_ns: int | None = None
         self.ticks = self.old_ticks = self.oldest_ns = 0
@@ -181,6 +182,8 @@ class RecordKeeper(Listener):
 
     def take_tick(self, tick: Tick) -> None:
         """Keep a tick, with the camera that it looked through and the newest scan of each topic."""
+        if self.first_ns is None:
+            self.first_ns = tick.stamp_ns
         if self.camera_since_ns is None and self._builder.camera is not None:
             self.camera_since_ns = tick.stamp_ns
         if self.map_since_ns is None and self._builder.world.grid is not None:

@@ -407,9 +407,17 @@ def _scan_problem(replay: Replay, roles: RolesFound) -> str:
     return "no scan was augmented: give --topic scan:=/NAME for each of those that are to be"
 
 
+def _late_ns(replay: Replay, keeper: RecordKeeper, since_ns: int | None) -> int:
+    """Return how long an input was missing at the beginning; 0 if never, or always.
+
+    The first tick may be late itself, as at 0.5 Hz: what it knew was not missing.
+    """
+    return 0 if since_ns in (None, keeper.first_ns) else since_ns - replay.start_ns
+
+
 def _late_map(replay: Replay, keeper: RecordKeeper) -> list[str]:
     """Return a sentence if the map was unknown for a while at the beginning."""
-    late_ns = (keeper.map_since_ns or replay.start_ns) - replay.start_ns
+    late_ns = _late_ns(replay, keeper, keeper.map_since_ns)
     if late_ns <= LATE_INPUT_NS:
         return []
     topic = next(topic for topic, role in replay.role_of_topic.items() if role == "map")
@@ -419,10 +427,8 @@ def _late_map(replay: Replay, keeper: RecordKeeper) -> list[str]:
 
 def _late_camera(options: ReplayOptions, replay: Replay, keeper: RecordKeeper) -> list[str]:
     """Return a sentence if the camera was unknown for a while at the beginning."""
-    if not options.demand.perception or keeper.camera_since_ns is None:
-        return []
-    late_ns = keeper.camera_since_ns - replay.start_ns
-    if late_ns <= LATE_INPUT_NS:
+    late_ns = _late_ns(replay, keeper, keeper.camera_since_ns)
+    if not options.demand.perception or late_ns <= LATE_INPUT_NS:
         return []
     late_s = late_ns / NS_PER_S
     topic = _camera_topic(replay)

@@ -501,6 +501,18 @@ def test_a_map_that_comes_late_is_told_with_what_helps(
         assert (said in done.stdout + done.stderr) == (late_s == 3)
 
 
+def test_a_first_tick_that_is_late_itself_misses_nothing(
+    run_are: RunAre, sample_bag: Path, tmp_path: Path
+) -> None:
+    """At 0.5 Hz it may come 2 s after the start."""
+    late = ("--set", "builder.tick_rate:=0.5", "--start", 0.5, "--duration", 9)
+    map_file = sample_bag.with_name("sample_office_map.yaml")
+    for name, words in (("topic", ()), ("file", ("--map", map_file))):
+        done = run_are("replay", sample_bag, *words, *late, "--out", tmp_path / name)
+        assert done.returncode == 0, done.stderr
+        assert "in the first" not in done.stdout + done.stderr
+
+
 def test_an_odometry_that_a_fixed_joint_overrules_names_the_parameter(
     run_are: RunAre,
     write_bag: WriteBag,

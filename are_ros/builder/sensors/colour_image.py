@@ -198,10 +198,12 @@ class CompressedColour:
             header = picture_header(self.image.data)
         except InputError as cause:
             raise InputError(f"{name}: {cause}") from cause
-        if header.bits > _BITS or header.channels not in (1, 3, _WITH_ALPHA):
+        is_cmyk = header.suffix == ".jpg" and header.channels == _WITH_ALPHA
+        if header.bits > _BITS or header.channels not in (1, 3, _WITH_ALPHA) or is_cmyk:
+            what = "CMYK" if is_cmyk else counted(header.channels, "number")
             raise InputError(
-                f"{name}: its pixels have {counted(header.channels, 'number')} of {header.bits}"
-                " bits; grey, RGB and RGBA of 8 bits are painted on"
+                f"{name}: its pixels have {what} of {header.bits} bits; grey, RGB and RGBA of "
+                "8 bits are painted on"
             )
         if header.width * header.height > _MOST_PIXELS:
             raise InputError(f"{name}: it claims to have {header.width} x {header.height} pixels")

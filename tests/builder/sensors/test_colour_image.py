@@ -1,11 +1,13 @@
 """Painted images: their encodings, what refuses, and the depth image of the same time."""
 
+import io
 import struct
 from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+import PIL.Image
 import pytest
 
 from are_ros.builder.occlusion.meshes import MeshSelection
@@ -296,6 +298,15 @@ def test_a_picture_of_16_bits_is_refused(shape: tuple[int, ...], obstacles: Obst
     """Painted in 8 it would not be what its format says."""
     with pytest.raises(InputError, match="of 16 bits; grey, RGB and RGBA of 8 bits are painted on"):
         painted(compressed(".png", np.full(shape, 30_000, np.uint16)), obstacles)
+
+
+def test_a_jpeg_of_cmyk_is_refused(obstacles: Obstacles) -> None:
+    """Its fourth number is black, and no alpha; OpenCV writes none of the kind."""
+    file = io.BytesIO()
+    PIL.Image.new("CMYK", (WIDTH, HEIGHT), (10, 20, 30, 40)).save(file, "JPEG")
+    image = CompressedImage("eye", 100, "jpeg", np.frombuffer(file.getvalue(), np.uint8).copy())
+    with pytest.raises(InputError, match="its pixels have CMYK of 8 bits; grey, RGB and RGBA"):
+        painted(CompressedColour(image), obstacles)
 
 
 @pytest.mark.parametrize(
