@@ -73,7 +73,7 @@ class ArBuilder(Simulation):
         self.sensors.prepare(environment)
         if self.demand.grids:
             self._grids.prepare(environment)
-        voxels = _real_voxels(environment)
+        voxels = environment.own_voxels
         if self.demand.octomap and voxels is not None:
             self._octomap.prepare(voxels)
         if self.demand.markers and self._surroundings is not None:
@@ -267,7 +267,7 @@ class ArBuilder(Simulation):
         self, now_ns: int, perception: Perception, scene: Scene, admitted: Collection[int]
     ) -> PointCloud | None:
         """Augmentation of M3D with the same artefacts, in the shape that sensors meet."""
-        voxels = _real_voxels(self.lives.environment)
+        voxels = _octomap_of(self.lives.environment)
         if not self.demand.octomap or voxels is None:
             self._octomap.forget()
             return None
@@ -284,7 +284,7 @@ class ArBuilder(Simulation):
 
     def _bare_octomap(self, now_ns: int) -> PointCloud | None:
         """Return M3D without artefacts, if it is not what went out last, or is awaited."""
-        voxels, octomap = _real_voxels(self.world.environment), self._octomap
+        voxels, octomap = _octomap_of(self.world.environment), self._octomap
         is_awaited = octomap.has_gone_out or self.demand.octomap
         if voxels is None or octomap.is_bare(voxels) or not is_awaited:
             return None
@@ -349,7 +349,6 @@ class ArBuilder(Simulation):
         return self._surroundings.added_to(markers, environment.voxels)
 
 
-def _real_voxels(environment: Environment | None) -> VoxelMap | None:
+def _octomap_of(environment: Environment | None) -> VoxelMap | None:
     """Return M3D as it was received, None where there is only the map."""
-    voxels = environment.voxels if environment else None
-    return None if voxels is None or voxels.is_extruded else voxels
+    return None if environment is None else environment.own_voxels

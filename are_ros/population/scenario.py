@@ -273,8 +273,8 @@ class ScriptedSource:
 
     def _options_of(self, artefact: ScriptedArtefact) -> dict[str, Any]:
         if artefact.way_m:
-            return {"waypoints": artefact.way_m, "repeat": artefact.loop}
+            return {"waypoints_m": artefact.way_m, "repeat": artefact.loop}
         if artefact.follows:
             names = [one.name for one in self._artefacts]
-            return {"leader": self._ids[names.index(artefact.follows)]}
+            return {"leader_id": self._ids[names.index(artefact.follows)]}
         return {}

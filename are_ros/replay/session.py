@@ -153,7 +153,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
         replay.role_of_topic,
         recorder.record(),
         grid,
-        _octomap(builder),
+        None if builder.world.environment is None else builder.world.environment.own_voxels,
         builder.sensors.counts(),
         builder.sensors.problems(),
         _camera_problem(options, builder, replay, keeper),
@@ -484,13 +484,6 @@ def _pose_in(builder: ArBuilder, parent: str, child: str) -> npt.NDArray[np.floa
 def _camera_topic(replay: Replay) -> str:
     roles = replay.role_of_topic.items()
     return next((topic for topic, role in roles if role == CAMERA), CAMERA)
-
-
-def _octomap(builder: ArBuilder) -> VoxelMap | None:
-    """Return the voxels of a cloud; None where the walls of the map are extruded instead."""
-    environment = builder.world.environment
-    voxels = None if environment is None else environment.voxels
-    return None if voxels is None or voxels.is_extruded else voxels
 
 
 def _cloud_problem(builder: ArBuilder) -> str:

@@ -335,12 +335,17 @@ class Environment:
         field.flags.writeable = False
         return field
 
+    @property
+    def own_voxels(self) -> VoxelMap | None:
+        """M3D where it says more than the grid; None where the grid's walls are extruded."""
+        return None if self.voxels is None or self.voxels.is_extruded else self.voxels
+
     @cached_property
     def overhangs(self) -> Overhangs | None:
         """What hangs over the cells, where M3D says more than the grid; else None."""
-        if self.voxels is None or self.voxels.is_extruded:
+        if self.own_voxels is None:
             return None
-        return Overhangs(self.grid, self.voxels, self.ground, self.ground_clearance_m)
+        return Overhangs(self.grid, self.own_voxels, self.ground, self.ground_clearance_m)
 
     def prepare(self) -> None:
         """Compute now what else the first question would have to wait for."""
@@ -421,10 +426,10 @@ class Environment:
     @cached_property
     def _obstacles(self) -> "_Obstacles | None":
         """What of M3D the grid does not imply."""
-        if self.voxels is None or self.voxels.is_extruded:
+        if self.own_voxels is None:
             return None
         lowest_m = self.ground.lowest_m()
-        return _obstacles_above(self.voxels, lowest_m, self.ground_clearance_m)
+        return _obstacles_above(self.own_voxels, lowest_m, self.ground_clearance_m)
 
 
 @dataclass(frozen=True, eq=False)

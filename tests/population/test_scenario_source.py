@@ -108,17 +108,17 @@ def test_a_way_becomes_the_options_of_along_way() -> None:
     """The behaviour takes them."""
     way = ((1.0, 2.0), (3.0, 4.0))
     offer = _source(_at(0, behaviour="along_way", way_m=way, loop=True)).take()
-    assert offer.options == {"waypoints": way, "repeat": True}
+    assert offer.options == {"waypoints_m": way, "repeat": True}
     assert make_behaviour(offer.artefact.behaviour, offer.options).name == "along_way"
 
 
 def test_who_follows_is_told_the_id_of_its_leader() -> None:
     """Also when the scenario runs again, and the leader is another."""
     source = _source(_at(0, behaviour="following", follows="b"), _at(1, name="b"))
-    assert [offer.options for offer in _all(source)] == [{"leader": FIRST_ADMITTED_ID + 1}, {}]
+    assert [offer.options for offer in _all(source)] == [{"leader_id": FIRST_ADMITTED_ID + 1}, {}]
     source.restart(START_NS)
     leader, follower = FIRST_ADMITTED_ID + 3, source.take()
-    assert follower.options == {"leader": leader}
+    assert follower.options == {"leader_id": leader}
     assert source.take().artefact_id == leader
 
 

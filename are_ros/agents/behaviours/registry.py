@@ -34,6 +34,8 @@ _PLAIN: Final[Mapping[str, type[Behaviour]]] = {
 }
 """Behaviours without options."""
 
+_WITH_OPTIONS: Final = {kind.name: kind for kind in (AlongWay, Following)}
+
 BEHAVIOURS: Final = (*_PLAIN, AlongWay.name)
 """Names of the behaviours (the set B of section 3.2), without user-defined ones."""
 
@@ -43,18 +45,12 @@ def make_behaviour(
 ) -> Behaviour:
     """Return a new behaviour for one artefact, by a name of `BEHAVIOURS` or as `module:Class`.
 
-    along_way takes options, see `AlongWay.of`, and following takes the id of its leader. Raises
-    CatalogueError if there is no such behaviour or it does not take these options, BehaviourError
-    if the constructor of a user-defined class raises; `call` names the artefact in the message.
+    `options` are those that a scenario gives to along_way and following: the arguments of the
+    class. Raises CatalogueError if there is no such behaviour, BehaviourError if the constructor of
+    a user-defined class raises; `call` names the artefact in the message.
     """
-    if name == AlongWay.name:
-        return AlongWay.of(options or {})
-    if name == Following.name and options and set(options) == {"leader"}:
-        return Following(int(options["leader"]))
     if options:
-        raise CatalogueError(
-            f"{name} takes no options, but {', '.join(map(str, options))} is given"
-        )
+        return _WITH_OPTIONS[name](**options)
     behaviour: Behaviour = new_behaviour(_class_named(name), call)
     return behaviour
 

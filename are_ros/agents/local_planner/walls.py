@@ -9,7 +9,7 @@ import numpy.typing as npt
 from are_ros._compiled import borrowing, owning
 from are_ros.agents.local_planner.gaps import leap
 from are_ros.agents.local_planner.state import COS, NEVER, SIN, ClearanceLayer, Floats, X, Y
-from are_ros.agents.navigation.terrain import HEIGHT_STEP_M, Terrains, has_own_voxels, rolls
+from are_ros.agents.navigation.terrain import HEIGHT_STEP_M, Terrains, rolls
 from are_ros.world.boxes import TOUCH_TOLERANCE_M
 from are_ros.world.environment import Environment
 from are_ros.world.lattice_cover import (
@@ -181,7 +181,7 @@ class ClearanceLayers:
     def _lay(self, environment: Environment, levels: Sequence[int]) -> ClearanceLayer:
         grid = environment.grid
         terrains = [self._terrains.of(environment, HEIGHT_STEP_M * level) for level in levels]
-        if not has_own_voxels(environment):  # all layers are one
+        if environment.own_voxels is None:  # all layers are one
             del terrains[1:]
         clearance, solid = terrains[0].clearance_m[None], terrains[0].solid[None]
         if len(terrains) > 1:

@@ -49,7 +49,7 @@ class Terrain:
         Exact, between cell centres; 0 on closed cells. Closed are cells that are not free or have a
         voxel in the way, and all outside the grid.
         """
-        if not has_own_voxels(self.environment):
+        if self.environment.own_voxels is None:
             return self.environment.clearance_m
         field = distances_in_cells(self.environment.classes.free & ~self._overhung, border=1)
         field *= np.float32(self.grid.resolution_m)
@@ -60,7 +60,7 @@ class Terrain:
     def solid(self) -> npt.NDArray[np.bool_]:
         """Cells (height, width) that are occupied, or have a voxel in the way."""
         occupied = self.environment.classes.occupied
-        if not has_own_voxels(self.environment):
+        if self.environment.own_voxels is None:
             return occupied
         solid: npt.NDArray[np.bool_] = occupied | self._overhung
         solid.flags.writeable = False  # as above: kernels compile for each kind of array
@@ -103,15 +103,10 @@ class Terrains:
         if environment is not self._environment:
             self._environment, self._terrains = environment, {}
         level_m = math.ceil(height_m / HEIGHT_STEP_M) * HEIGHT_STEP_M
-        key = level_m if has_own_voxels(environment) else 0.0
+        key = 0.0 if environment.own_voxels is None else level_m
         if key not in self._terrains:
             self._terrains[key] = Terrain(environment, level_m)
         return self._terrains[key]
-
-
-def has_own_voxels(environment: Environment) -> bool:
-    """Return whether M3D may close cells that are free in the grid."""
-    return environment.voxels is not None and not environment.voxels.is_extruded
 
 
 @borrowing

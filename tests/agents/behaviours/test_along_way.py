@@ -1,19 +1,14 @@
 """Along a way: the waypoints of a scenario, in their order."""
 
-from typing import Any
-
-import pytest
-
 from are_ros.agents.behaviours.along_way import AlongWay
-from are_ros.errors import CatalogueError
 from tests.agents.behaviours.stage import Actor, Stage, alone
 
-WAY = [[2.0, 0.0], [2.0, 3.0], [-1.0, 3.0]]
+WAY = ((2.0, 0.0), (2.0, 3.0), (-1.0, 3.0))
 
 
 def goals_of(repeat: bool, seconds: int) -> list[tuple[float, float] | None]:
     """Return the goals of one who starts at the origin, repetitions left out."""
-    behaviour = AlongWay.of({"waypoints": WAY, "repeat": repeat})
+    behaviour = AlongWay(WAY, repeat=repeat)
     stage = Stage([Actor(0, behaviour, (0.0, 0.0))])
     goals = [stage.step()[0].goal_m for _ in range(seconds)]
     return [
@@ -39,28 +34,9 @@ def test_a_way_may_be_gone_again_and_again() -> None:
 
 def test_a_waypoint_that_cannot_be_reached_is_left_out_unless_it_is_the_last() -> None:
     """The end of the way is not given up."""
-    actor = Actor(0, AlongWay.of({"waypoints": WAY}), (0.0, 0.0))
+    actor = Actor(0, AlongWay(WAY), (0.0, 0.0))
     goals = []
     for second in range(5):
         goals.append(alone(actor, now_s=second).goal_m)
         actor.no_way = True
     assert goals == [(2.0, 0.0), (2.0, 3.0), (-1.0, 3.0), (-1.0, 3.0), (-1.0, 3.0)]
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({}, "along_way needs waypoints"),
-        ({"waypoints": []}, "along_way needs waypoints"),
-        ({"waypoints": "here"}, "along_way needs waypoints"),
-        ({"waypoints": [[1, 2], [1]]}, r"waypoints\[1\] is \[1\], not two finite numbers"),
-        ({"waypoints": [[1, float("nan")]]}, r"waypoints\[0\]"),
-        ({"waypoints": [[1, True]]}, r"waypoints\[0\]"),
-        ({"waypoints": [[1, 2]], "repeat": 1}, "repeat is 1, not true or false"),
-        ({"waypoints": [[1, 2]], "loop": True}, "along_way has no option 'loop'"),
-    ],
-)
-def test_wrong_options_are_refused(options: dict[str, Any], words: str) -> None:
-    """Each with its sentence."""
-    with pytest.raises(CatalogueError, match=words):
-        AlongWay.of(options)

@@ -21,7 +21,7 @@ WITHOUT_OPTIONS = [name for name in BEHAVIOURS if name != AlongWay.name]
 
 def made(name: str) -> Behaviour:
     """Return a behaviour of any of the names."""
-    options = {"waypoints": [[1.0, 2.0], [5.0, 6.0]]} if name == AlongWay.name else None
+    options = {"waypoints_m": ((1.0, 2.0), (5.0, 6.0))} if name == AlongWay.name else None
     return make_behaviour(name, options)
 
 
@@ -31,14 +31,6 @@ def test_each_name_gives_a_new_behaviour_of_that_name(name: str) -> None:
     first, second = made(name), made(name)
     assert first is not second
     assert first.name == name
-
-
-def test_options_are_for_along_way_alone() -> None:
-    """Others refuse them instead of ignoring them."""
-    with pytest.raises(CatalogueError, match="walking takes no options, but speed is given"):
-        make_behaviour("walking", {"speed": 2})
-    with pytest.raises(CatalogueError, match="along_way needs waypoints"):
-        make_behaviour("along_way")
 
 
 def test_an_unknown_name_is_refused_with_the_known_ones() -> None:
