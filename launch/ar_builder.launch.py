@@ -54,6 +54,7 @@ def start(context: Any) -> list[Any]:
     from launch_ros.actions import Node
 
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
+    given["namespace"] = given["namespace"].strip("/")
     node = Node(
         package="are_ros",
         executable="ar_builder",

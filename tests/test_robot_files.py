@@ -65,7 +65,7 @@ def test_the_guard_is_started_where_it_is_wanted(
     """Beside the node, and in its namespace."""
     (tmp_path / "mine.yaml").write_text("ar_builder:\n  ros__parameters: {}\n")
     given = dict.fromkeys(launch_file.ARGUMENTS, "") | launch_file.DEFAULTS
-    given |= {"params_file": str(tmp_path / "mine.yaml"), "namespace": "robot1"}
+    given |= {"params_file": str(tmp_path / "mine.yaml"), "namespace": "/robot1/"}
     substitutions, actions = ModuleType("launch.substitutions"), ModuleType("launch_ros.actions")
     vars(substitutions)["LaunchConfiguration"] = lambda name: SimpleNamespace(
         perform=lambda context: context[name]

@@ -99,7 +99,8 @@ class ArBuilder(Simulation):
         The artefacts live on; the next tick gives everything again.
         """
         environment, nobody = self.world.environment, Scene.of((), now_ns)
-        perception = Perception(now_ns, paths=() if self._predicts else None)
+        step_ns = seconds_to_ns(self.parameters.certainty.prediction_step) if self._predicts else 0
+        perception = Perception(now_ns, paths=() if self._predicts else None, step_ns=step_ns)
         self.show_everything()
         self._forget()
         self._register(nobody)

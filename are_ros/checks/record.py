@@ -273,7 +273,8 @@ class Record:
         self.scenes, self.farewells_ns = part_farewells(self.scenes, period_ns)
         stamps = [scene.stamp_ns for scene in self.scenes]
         if self.settings.certainty.enabled:
-            self.perceived = at_their_ticks(self.perceived, stamps, self.settings.certainty.latency)
+            latency_s, farewells = self.settings.certainty.latency, frozenset(self.farewells_ns)
+            self.perceived = at_their_ticks(self.perceived, stamps, latency_s, farewells)
         self.runs = runs_of(stamps, period_ns, self.farewells_ns)
         self.perceived = self._without_farewells(self.perceived, frozenset(stamps))
         self.metrics = self._without_farewells(self.metrics, frozenset(stamps))
@@ -351,15 +352,21 @@ class Record:
 
 
 def at_their_ticks(
-    messages: Sequence[Perceived], stamps_ns: Sequence[int], latency_s: float
+    messages: Sequence[Perceived],
+    stamps_ns: Sequence[int],
+    latency_s: float,
+    farewells_ns: frozenset[int],
 ) -> list[Perceived]:
     """Return live lists with the times of the ticks that gave them out, in the same order.
 
     That is the first tick, after the one of the list before, at which a list was old enough. One
-    that came after the last such tick keeps its own time.
+    that came after the last such tick keeps its own time, as does the empty one of a farewell.
     """
     latency_ns, at, placed = seconds_to_ns(latency_s), 0, list[Perceived]()
     for message in messages:
+        if message.stamp_ns in farewells_ns and not message.sightings:
+            placed.append(message)
+            continue
         at = max(at, bisect_left(stamps_ns, message.stamp_ns + latency_ns))
         is_known = at < len(stamps_ns)
         placed.append(replace(message, at_ns=stamps_ns[at]) if is_known else message)

@@ -544,7 +544,10 @@ class Reporter:
             inputs=tuple(subscriptions.snapshots(now_ns)) if subscriptions else (),
             **(self._of_builder(live, now_ns) if live else {}),
         )
-        if self._is_lost.see(now_ns, holds=bool(doubt := robot_doubt(snapshot))):
+        doubt = robot_doubt(snapshot)
+        if not doubt:
+            self._without_robot = ""
+        if self._is_lost.see(now_ns, holds=bool(doubt)):
             self._without_robot = self._without_robot or doubt
         doubts = [clock_doubt(snapshot), name_doubt(snapshot), self._without_robot]
         doubts += input_doubts(snapshot)

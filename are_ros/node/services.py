@@ -50,7 +50,7 @@ class Services:
         self._now_ns = now_ns
         self._pause = pause
         self._turn = turn
-        handlers: Mapping[str, Callable[[Any, Any, LiveBuilder], str]] = {
+        handlers: Mapping[str, Callable[[Any, Any, LiveBuilder, int], str]] = {
             "spawn": self._spawn,
             "remove": self._remove,
             "reseed": self._reseed,
@@ -63,7 +63,7 @@ class Services:
             node.create_service(kind, f"~/{name}", answer, qos_profile=qos)
 
     def _answering(
-        self, handler: Callable[[Any, Any, LiveBuilder], str]
+        self, handler: Callable[[Any, Any, LiveBuilder, int], str]
     ) -> Callable[[Any, Any], Any]:
         def answer(request: Any, response: Any) -> Any:
             live = self._live()
@@ -71,13 +71,15 @@ class Services:
             if live is None:
                 response.message = _NOT_ACTIVE
                 return response
-            if not self._now_ns():
+            now_ns = self._now_ns()
+            if not now_ns:
                 response.message = WITHOUT_CLOCK
                 return response
             try:
                 with self._turn("services"):
-                    live.work(self._now_ns())
-                    response.message = handler(request, response, live)
+                    # a tick due by now comes before the request
+                    live.work(now_ns)
+                    response.message = handler(request, response, live, now_ns)
                 response.success = True
             except AreError as cause:
                 response.message = str(cause)
@@ -85,7 +87,7 @@ class Services:
 
         return answer
 
-    def _spawn(self, request: Any, response: Any, live: LiveBuilder) -> str:
+    def _spawn(self, request: Any, response: Any, live: LiveBuilder, now_ns: int) -> str:
         if not live.is_running:
             raise PlacementError("spawn: it is paused")
         frame_id, _, pose = read_stamped_pose(request.pose, "spawn: pose")
@@ -96,20 +98,20 @@ class Services:
         wanted = SpawnRequest(
             frame_id, pose, request.label, request.row, life_ns or None, request.behaviour
         )
-        response.id = live.requests.spawn(wanted, self._now_ns())
+        response.id = live.requests.spawn(wanted, now_ns)
         return f"artefact {response.id} stands"
 
-    def _remove(self, request: Any, response: Any, live: LiveBuilder) -> str:  # noqa: ARG002 - the handlers' interface
-        live.requests.remove(request.id, self._now_ns())
+    def _remove(self, request: Any, response: Any, live: LiveBuilder, now_ns: int) -> str:  # noqa: ARG002 - the handlers' interface
+        live.requests.remove(request.id, now_ns)
         return f"artefact {request.id} is gone"
 
-    def _reseed(self, request: Any, response: Any, live: LiveBuilder) -> str:  # noqa: ARG002 - the handlers' interface
-        live.requests.reseed(request.seed, self._now_ns())
+    def _reseed(self, request: Any, response: Any, live: LiveBuilder, now_ns: int) -> str:  # noqa: ARG002 - the handlers' interface
+        live.requests.reseed(request.seed, now_ns)
         return f"random numbers begin anew from seed {request.seed}"
 
-    def _clear(self, request: Any, response: Any, live: LiveBuilder) -> str:  # noqa: ARG002 - the handlers' interface
-        count = live.requests.clear(self._now_ns())
+    def _clear(self, request: Any, response: Any, live: LiveBuilder, now_ns: int) -> str:  # noqa: ARG002 - the handlers' interface
+        count = live.requests.clear(now_ns)
         return f"{counted(count, 'artefact')} {'is' if count == 1 else 'are'} gone"
 
-    def _set_paused(self, request: Any, response: Any, live: LiveBuilder) -> str:  # noqa: ARG002 - the handlers' interface
+    def _set_paused(self, request: Any, response: Any, live: LiveBuilder, now_ns: int) -> str:  # noqa: ARG002 - the handlers' interface
         return self._pause(bool(request.data))

@@ -196,8 +196,16 @@ def test_live_lists_belong_to_the_ticks_that_gave_them_out() -> None:
     """The first that is late enough, each its own, though two lists are alike."""
     ticks = [0, 100, 200, 500, 600]
     lists = listed([-250, -150, 0, 200, 200])
-    found = [one.at_ns for one in at_their_ticks(lists, ticks, 250e-9)]
+    found = [one.at_ns for one in at_their_ticks(lists, ticks, 250e-9, frozenset())]
     assert found == [0, 100, 500, 600, 200]
+
+
+def test_the_list_of_a_farewell_is_that_of_no_tick() -> None:
+    """It has its own time, and the ticks after a pause have the lists that they gave out."""
+    ticks = [0, 100, 200, 1000, 1100]
+    lists = listed([-250, -150, -50, 290, 750, 850])
+    found = [one.at_ns for one in at_their_ticks(lists, ticks, 250e-9, frozenset([290]))]
+    assert found == [0, 100, 200, 290, 1000, 1100]
 
 
 def test_a_replay_with_a_detector_passes_all_checks(

@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,8 +20,9 @@ from are_ros.bag.types import jazzy_typestore
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.costmap.inflation import InflatedCostmap
 from are_ros.builder.costmap.registration import CellPatch, covered_cells, patch_changes
+from are_ros.checks.grids import LatchedGrid, LatestGrid
 from are_ros.checks.oracle.plane import distances_m
-from are_ros.checks.result import CheckResult
+from are_ros.checks.result import CheckResult, Tally
 from are_ros.checks.run import Outcome, check_recording
 from are_ros.checks.sensors.depth_images import box_triangles
 from are_ros.conventions import NS_PER_S
@@ -1272,3 +1274,24 @@ def test_without_a_recording_there_is_an_error(tmp_path: Path) -> None:
     """A folder without augmented.mcap is refused."""
     with pytest.raises(BagError, match=r"there is no augmented\.mcap"):
         check_recording(tmp_path)
+
+
+def test_a_lag_before_and_after_another_map_is_not_one_long_lag() -> None:
+    """What the grid ought to show is open while another map comes: the lag begins anew."""
+    real: Any = object()
+    judge: Any = SimpleNamespace(shows=lambda *_: False)
+
+    def failures_of(known: Iterable[tuple[int, bool]]) -> int:
+        tally = Tally("augmented map is current", "tick")
+        grid = LatchedGrid(OUT + "augmented_map", tally, Parameters(), judge)
+        for at_ns, is_known in known:
+            tick: Any = SimpleNamespace(
+                is_sure=True, covers=[], scene=SimpleNamespace(stamp_ns=START_NS + at_ns)
+            )
+            latest = LatestGrid(real, is_new=False, is_sent=False)
+            grid.take(tick, real if is_known else None, latest)
+        return tally.failures
+
+    changes = [(0, True), *((k * 100 * MS, False) for k in range(1, 22)), (2200 * MS, True)]
+    assert failures_of(changes) == 0
+    assert failures_of([(at_ns, True) for at_ns, _ in changes]) > 0

@@ -222,6 +222,22 @@ def test_transforms_that_stop_and_come_back(bench: Bench, later: Later) -> None:
         assert said(bench, name)[0] == OK, name
 
 
+def test_a_pose_that_came_back_is_not_missed_again(bench: Bench, later: Later) -> None:
+    """The log forgets what it said when the node is configured anew; what was mended stays so."""
+    step(bench, 1000.2)
+    for t_s in (1001.1, 1001.2):  # a loss is told once it has lasted
+        bench.tick(t_s)
+        later(6.0)
+        bench.report()
+    lost = "no pose of the robot"
+    assert sum(each.startswith(lost) for each in bench.warnings()) == 1
+    step(bench, 1001.3)
+    bench.report()
+    assert bench.change_state("deactivate", "cleanup", "configure", "activate")
+    bench.report()
+    assert sum(each.startswith(lost) for each in bench.warnings()) == 1
+
+
 def test_scans_that_stop_and_come_back(bench: Bench, later: Later) -> None:
     """It is said while they are away; then they are augmented as before."""
     scans = bench.listen("scan", "sensor_msgs/msg/LaserScan")

@@ -1,6 +1,8 @@
 """What people ask of the running node: its services, and clicks in rviz."""
 
 from collections.abc import Callable
+from contextlib import nullcontext
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -13,6 +15,7 @@ from are_msgs.msg import Artefact, ArtefactEvent
 from rclpy.qos import QoSProfile
 
 from are_ros.node.message_classes import service_class
+from are_ros.node.services import Services
 from tests.node.live_bench import Bench
 from tests.node.live_scene import FACTORY, click_at, ns, pose_at, robot_at, room
 
@@ -41,6 +44,32 @@ def life_of(seconds: float) -> Any:
     """Return a Duration."""
     whole, rest = divmod(ns(seconds), 10**9)
     return FACTORY.make("builtin_interfaces/msg/Duration", sec=whole, nanosec=rest)
+
+
+def test_a_request_has_one_time_and_a_tick_due_by_then_comes_first() -> None:
+    """Between two looks at the clock a tick may be due: it had the departures, and the departed."""
+    answers, times, clock = dict[str, Any](), list[tuple[str, int]](), iter(range(5, 100))
+
+    def create_service(_: Any, name: str, answer: Any, *, qos_profile: QoSProfile) -> None:
+        answers[name] = answer
+        assert qos_profile.depth >= 1000
+
+    def note(what: str) -> Callable[..., int]:
+        def noted(*given: int) -> int:
+            times.append((what, given[-1]))
+            return 1
+
+        return noted
+
+    asked = {name: note(name) for name in ("remove", "reseed", "clear")}
+    live: Any = SimpleNamespace(work=note("work"), requests=SimpleNamespace(**asked))
+    node: Any = SimpleNamespace(create_service=create_service)
+    Services(node, lambda: live, lambda: next(clock), str, lambda _: nullcontext())
+    request = SimpleNamespace(id=7, seed=4)
+    for name in asked:
+        answers[f"~/{name}"](request, SimpleNamespace())
+    expected = zip(asked, range(5, 8), strict=True)
+    assert times == [one for name, at in expected for one in (("work", at), (name, at))]
 
 
 # ------------------------------------------------------------------------------------- spawn

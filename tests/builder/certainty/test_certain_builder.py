@@ -187,7 +187,8 @@ def test_a_farewell_and_a_jump_of_the_clock_forget_the_tracks() -> None:
     assert tick.perceived
     gone = builder.farewell(now_ns)
     assert (gone.perceived, gone.perception.stamp_ns) == ((), now_ns)
-    assert gone.perception.paths == ()
+    assert (gone.perception.paths, gone.perception.step_ns) == ((), tick.perception.step_ns)
+    assert gone.perception.step_ns > 0
     assert builder.step(now_ns + NS_PER_S // 10).perceived == ()
     builder.restart(START_NS)
     assert builder.step(START_NS).perceived == ()
