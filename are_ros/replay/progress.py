@@ -60,7 +60,7 @@ class Stopwatch:
 
 _STEP_NS = NS_PER_S // 2
 _LAYOUT = "{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} s [{elapsed}<{remaining}]"
-_KERNELS = "{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} [{elapsed}]"
+_COUNTED = "{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} [{elapsed}]"
 
 
 class ProgressBar:
@@ -102,20 +102,40 @@ class ProgressBar:
         return move
 
 
-class KernelBar:
-    """A bar on stderr that counts the kernels that compile, once that has taken two seconds.
+class CountBar:
+    """A bar on stderr that counts what is done, once that has taken two seconds."""
+
+    def __init__(self, name: str) -> None:
+        self._bar: tqdm[NoReturn] = tqdm(
+            desc=name, bar_format=_COUNTED, leave=True, disable=None, delay=_SLOW_S, total=1
+        )
+
+    def __enter__(self) -> "CountBar":  # noqa: PYI034 (Self came with Python 3.11)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self._bar.close()
+
+    def count(self, done: int, total: int) -> None:
+        """Show how many are done, of at most how many."""
+        self._bar.total = total
+        self._bar.update(done - self._bar.n)
+
+
+class KernelBar(CountBar):
+    """Counts the kernels that compile.
 
     The first Ctrl-C meanwhile makes `is_wanted` false, and interrupts when the block ends: the
     compiler would crash or swallow it. The second one interrupts at once.
     """
 
+    def __init__(self) -> None:
+        super().__init__("kernels")
+
     def __enter__(self) -> "KernelBar":  # noqa: PYI034 (Self came with Python 3.11)
         self._is_interrupted, self._handler = False, signal.getsignal(signal.SIGINT)
         if callable(self._handler) and threading.current_thread() is threading.main_thread():
             signal.signal(signal.SIGINT, self._interrupt)
-        self._bar: tqdm[NoReturn] = tqdm(
-            desc="kernels", bar_format=_KERNELS, leave=True, disable=None, delay=_SLOW_S, total=1
-        )
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
@@ -130,11 +150,6 @@ class KernelBar:
     def is_wanted(self) -> bool:
         """Return whether no Ctrl-C has come."""
         return not self._is_interrupted
-
-    def count(self, done: int, total: int) -> None:
-        """Show how many are compiled, of at most how many."""
-        self._bar.total = total
-        self._bar.update(done - self._bar.n)
 
     def _interrupt(self, *_: object) -> None:
         self._is_interrupted = True

@@ -137,8 +137,11 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
                 replay.run([keeper, standing, *writers], progress)
             grid = _known_map(reader, builder, replay, roles)
     if scenario is not None and options.save_scenario is not None:
-        files = write_scenario(scenario.scenario(options.save_scenario.stem), options.save_scenario)
+        path, catalogue_file = options.save_scenario, options.parameters.catalogue
+        files = write_scenario(scenario.scenario(path.stem), path, catalogue_file)
         say(f"scenario     {', '.join(map(str, files))}")
+        if catalogue_file:
+            say(f"it is of the catalogue {catalogue_file}: replay it with --set catalogue:=FILE")
     for notice in [*builder.notices, *builder.frames.drain_notices()]:
         say(notice)
     doubts = [

@@ -7,7 +7,9 @@ pose, too.
 """
 
 import math
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
@@ -18,6 +20,8 @@ from are_ros._compiled import compiled
 from are_ros.world.occupancy_grid import CellClasses, OccupancyGrid, distances_in_cells
 
 Bytes = npt.NDArray[np.uint8]
+Progress = Callable[[int, int], None]
+"""Is called with how many of how many are done."""
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
@@ -148,6 +152,8 @@ _RIVAL_SHARE: Final = 0.88
 _CANDIDATES: Final = 150
 """Poses of the coarse lattice that are looked at closely."""
 _OF_A_HEADING: Final = 60
+_MOST_THREADS: Final = 4
+"""So many headings are searched at a time, on as many cores: each takes room for the map."""
 _LEAST_SCORE: Final = 0.25
 """What fits worse tells nothing."""
 _SEED: Final = 20
@@ -280,16 +286,19 @@ class ScanMatcher:
         factor = max(1, math.floor(_SEARCH_CELL_M / self._fine_m + 1e-6))
         self._coarse = _CoarseMap.of(_pooled(self._fine, factor), self._fine_m * factor)
 
-    def align(self, cloud: ScanCloud) -> Alignment | None:
+    def align(self, cloud: ScanCloud, progress: Progress | None = None) -> Alignment | None:
         """Return the pose at which the cloud fits the map best, anywhere on it, and its rivals.
 
         The place of the laser that is nearest to the middle of the cloud lies within the map's
         known part. None where no pose has a score worth a word, or too many have about the same; a
-        poor best has no rivals.
+        poor best has no rivals. `progress` is called with how many headings are done, and of how
+        many.
         """
         thin = cloud.thinned(0.5 * _SEARCH_CELL_M, _SEARCH_POINTS)
         middle = cloud.origins_m.mean(axis=0)
-        poses = [self._map_from_part.after(pose) for pose in self._coarse.candidates(thin)]
+        poses = [
+            self._map_from_part.after(pose) for pose in self._coarse.candidates(thin, progress)
+        ]
         near = [self._climbed(thin, pose, self._coarse.cell_m) for pose in poses]
         near.sort(key=lambda match: -match.score)
         if near[0].score < _LEAST_SCORE:
@@ -402,7 +411,7 @@ class _CoarseMap:
         values[kinds == UNKNOWN_CELL] = np.maximum(values[kinds == UNKNOWN_CELL], _UNKNOWN)
         return cls((values - _UNKNOWN).astype(np.float32), cell_m)
 
-    def candidates(self, cloud: ScanCloud) -> list[PlanarPose]:
+    def candidates(self, cloud: ScanCloud, progress: Progress | None = None) -> list[PlanarPose]:
         """Return poses at which the cloud scores high, the best first, distinct from each other.
 
         The place of the laser that is nearest to the middle of the cloud lies within the map.
@@ -413,10 +422,12 @@ class _CoarseMap:
         back = PlanarPose(-reference_m[0], -reference_m[1], 0.0)
         return [
             PlanarPose((x + 0.5) * self.cell_m, (y + 0.5) * self.cell_m, wrapped(yaw)).after(back)
-            for x, y, yaw in self._peaks(points)
+            for x, y, yaw in self._peaks(points, progress)
         ]
 
-    def _peaks(self, points: Floats) -> list[tuple[float, float, float]]:
+    def _peaks(
+        self, points: Floats, progress: Progress | None = None
+    ) -> list[tuple[float, float, float]]:
         """Return distinct poses [cells, rad] of points (N, 2) with high scores, the best first."""
         from scipy import fft
 
@@ -425,8 +436,8 @@ class _CoarseMap:
         (height, width), room = self.values.shape, 2 * math.ceil(reach) + 1
         shape = fft.next_fast_len(height + room), fft.next_fast_len(width + room)
         spectrum: Any = fft.rfft2(self.values, shape)
-        found = []
-        for yaw in yaws.tolist():
+
+        def best_at(yaw: float) -> Floats:
             turned = np.rint(PlanarPose(0.0, 0.0, yaw).apply(points)).astype(np.int64)
             hits = np.zeros(shape, dtype=np.float32)
             np.add.at(hits, (turned[:, 1], turned[:, 0]), 1.0)  # negative ones count from the end
@@ -434,7 +445,14 @@ class _CoarseMap:
             most = min(_OF_A_HEADING, scores.size)
             best = np.argpartition(scores, -most, axis=None)[-most:]
             rows, cols = np.unravel_index(best, scores.shape)
-            found.append(np.column_stack((cols, rows, np.full(len(best), yaw), scores[rows, cols])))
+            return np.column_stack((cols, rows, np.full(len(best), yaw), scores[rows, cols]))
+
+        found = []
+        with ThreadPoolExecutor(min(_MOST_THREADS, os.cpu_count() or 1)) as pool:
+            for heading in pool.map(best_at, yaws.tolist()):
+                found.append(heading)
+                if progress is not None:
+                    progress(len(found), len(yaws))
         return self._distinct(np.concatenate(found))
 
     def _distinct(self, found: Floats) -> list[tuple[float, float, float]]:

@@ -198,11 +198,12 @@ def scenario_files(path: Path) -> tuple[Path, Path]:
     return path, path.with_name(f"{path.stem}.tracks.csv")
 
 
-def write_scenario(scenario: Scenario, path: Path) -> list[Path]:
+def write_scenario(scenario: Scenario, path: Path, catalogue: str = "") -> list[Path]:
     """Write a scenario, and its long tracks beside it as NAME.tracks.csv; return the files.
 
-    Times are exact to the nanosecond; poses of long tracks are rounded to a micrometre.
-    ScenarioError if the files cannot be written.
+    A comment names the file of a `catalogue` other than the shipped one. Times are exact to the
+    nanosecond; poses of long tracks are rounded to a micrometre. ScenarioError if the
+    files cannot be written.
     """
     _, sidecar = scenario_files(path)
     artefacts = scenario.artefacts
@@ -215,6 +216,8 @@ def write_scenario(scenario: Scenario, path: Path) -> list[Path]:
     text = yaml.safe_dump(
         content, sort_keys=False, allow_unicode=True, width=_LINE, default_flow_style=None
     )
+    if catalogue:
+        text = f"# Its artefacts are of the catalogue {catalogue}: replay it with that one.\n{text}"
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as cause:

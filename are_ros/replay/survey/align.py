@@ -21,7 +21,7 @@ from are_ros.draw.overview import PlacedScans, draw_alignment
 from are_ros.errors import BagError, FrameError, InputError, MapError
 from are_ros.messages.maps import read_grid
 from are_ros.messages.sensors import read_scan
-from are_ros.replay.progress import Progress, ProgressBar, Say, said_if_slow
+from are_ros.replay.progress import CountBar, Progress, ProgressBar, Say, said_if_slow
 from are_ros.replay.recorded_frames import FRAME_ROLES, RecordedFrames
 from are_ros.replay.survey.frame_survey import connected_to, root_above
 from are_ros.replay.timeline import WITHOUT_MAP, ReplayOptions, topics_to_read
@@ -448,7 +448,8 @@ def align(options: ReplayOptions, say: Say) -> AlignOutcome:
     cloud = whole.part(near[whole.scans])
     with said_if_slow(say, "searching the map (and compiling its kernels the first time)"):
         matcher = ScanMatcher(grid, classes)
-        found = matcher.align(cloud)
+        with CountBar("headings") as bar:
+            found = matcher.align(cloud, bar.count)
     frame = parameters.frames.map
     return AlignOutcome(given, grid, frame, found, cloud, matcher)
 

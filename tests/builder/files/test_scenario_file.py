@@ -267,6 +267,15 @@ def test_files_that_cannot_be_read_or_written_are_said(tmp_path: Path) -> None:
         write_scenario(Scenario(), tmp_path / "no" / "s.yaml")
 
 
+def test_a_catalogue_of_one_s_own_is_named(tmp_path: Path) -> None:
+    """In the first line, for those who repeat the scenario; it is read as before."""
+    path, scenario = tmp_path / "s.yaml", Scenario(name="shop")
+    write_scenario(scenario, path, "/shop/rows.yaml")
+    first = path.read_text(encoding="utf-8").splitlines()[0]
+    assert first == "# Its artefacts are of the catalogue /shop/rows.yaml: replay it with that one."
+    assert read_scenario(path, CATALOGUE).name == "shop"
+
+
 def test_what_is_written_is_easily_read(tmp_path: Path) -> None:
     """A line for each field, and no field that says what is so anyway."""
     pose = GroundPose(1.5, 2.0, 0.0, 0.25)
