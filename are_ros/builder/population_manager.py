@@ -26,7 +26,7 @@ from are_ros.agents.table import AgentTable
 from are_ros.builder.files.scenario_file import read_scenario
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.scene import Scene
-from are_ros.builder.spawning.spawner import OutOfView, Spawning, Viewpoint
+from are_ros.builder.spawning.spawner import OutOfView, Spawning
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import BehaviourError, PlacementError, ScenarioError
 from are_ros.parameters.choices import Leave
@@ -40,6 +40,7 @@ from are_ros.population.population import EventKind as PopulationEventKind
 from are_ros.population.population import Population, PopulationEvent
 from are_ros.population.scenario import Scenario, ScriptedOffer, ScriptedSource
 from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.cameras import CameraAt
 from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint
 
@@ -114,7 +115,7 @@ class PopulationManager:
         """Up to when it has run; None: it has not begun."""
         self.goal: Footprint | None = None
         self.plan_m: npt.NDArray[np.float64] = np.empty((0, 2))
-        self.viewpoints: Callable[[int], Sequence[Viewpoint]] = lambda _: ()
+        self.viewpoints: Callable[[int], Sequence[CameraAt]] = lambda _: ()
         self._catalogue = catalogue
         self._parameters = parameters
         self._world = world
@@ -122,7 +123,7 @@ class PopulationManager:
         self._spawning = Spawning(parameters, robots.observer.footprint, terrains)
         self._steps = StepClock(seconds_to_ns(parameters.motion.step))
         self._robot: RobotPose | None = None
-        self._viewpoints: Sequence[Viewpoint] = ()
+        self._viewpoints: Sequence[CameraAt] = ()
         self._environment: Environment | None = None
         self._scene = Scene.of((), 0)
         self._scene_ns = 0

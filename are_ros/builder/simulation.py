@@ -3,7 +3,6 @@
 Each input is received through a method of `Simulation`, which first runs what is due before it.
 """
 
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -16,17 +15,16 @@ from are_ros.builder.real_world import RealWorld
 from are_ros.builder.sensors.augmentation import SensorAugmentation
 from are_ros.builder.sensors.lens import Lens
 from are_ros.builder.sensors.sensor_path import Reading, ReleasedReading
-from are_ros.builder.spawning.spawner import Viewpoint
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError
 from are_ros.parameters.choices import CameraModel
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue
 from are_ros.population.departures import Cause
-from are_ros.world.cameras import Camera
+from are_ros.world.cameras import Camera, CameraAt
 from are_ros.world.footprint import Footprint
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.rigid_transform import RigidTransform, Values
+from are_ros.world.rigid_transform import Values
 from are_ros.world.transforms.tree import FrameTree
 
 _BEFORE_ALL_NS: Final = -(2**63)
@@ -60,7 +58,7 @@ class Simulation:
         """The robot's camera, and those of `camera.others`; None: its CameraInfo has not come."""
         self.camera = assembly.default_camera(parameters)
         self._meshes = MeshBank()
-        self.lives.viewpoints = self._viewpoints
+        self.lives.viewpoints = self.cameras_at
         self.sensors = SensorAugmentation(parameters, self.frames, self.lives, self._meshes)
         self.judges_until_ns = _AFTER_ALL_NS
         """Deadlines of readings after this are not processed yet; a node sets it."""
@@ -304,12 +302,13 @@ class Simulation:
         self.advance(received_ns)
         self.lives.touch(received_ns)
 
-    def _viewpoints(self, now_ns: int) -> Sequence[Viewpoint]:
+    def cameras_at(self, now_ns: int) -> list[CameraAt]:
         """Return the cameras at their poses, without those whose pose is not known."""
-        return tuple(Viewpoint(camera.view, pose) for _, camera, pose in self.cameras_at(now_ns))
-
-    def cameras_at(self, now_ns: int) -> list[tuple[int, Camera, RigidTransform]]:
-        """Return number, camera and map_from_camera of each camera whose pose is known."""
-        known = [(k, camera) for k, camera in enumerate(self.cameras) if camera is not None]
-        poses = [self.robots.map_from_camera(camera, now_ns) for _, camera in known]
-        return [(*one, pose) for one, pose in zip(known, poses, strict=True) if pose is not None]
+        found = []
+        for number, camera in enumerate(self.cameras):
+            if camera is None:
+                continue
+            pose = self.robots.map_from_camera(camera, now_ns)
+            if pose is not None:
+                found.append(CameraAt(number, camera.view, pose))
+        return found

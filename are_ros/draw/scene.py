@@ -16,7 +16,7 @@ from are_ros.builder.population_manager import IDLE_NS
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.population.artefact import GroundPose
 from are_ros.population.catalogue import CatalogueRow
-from are_ros.world.cameras import ViewModel
+from are_ros.world.cameras import CameraAt, ViewModel
 from are_ros.world.footprint import Footprint
 from are_ros.world.rigid_transform import RigidTransform
 
@@ -73,14 +73,6 @@ class ArtefactAt(NamedTuple):
     behaviour: str
     activity: str
     arrival_ns: int
-
-
-class CameraAt(NamedTuple):
-    """Another camera than the first at a tick; `number` counts those of `camera.others` from 1."""
-
-    number: int
-    view: ViewModel
-    map_from_camera: RigidTransform
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from are_ros.builder.sensors.point_cloud import PointCloud
 from are_ros.builder.sensors.sensor_path import ReleasedReading
 from are_ros.builder.tick import USUAL, Demand, Tick
 from are_ros.conventions import NS_PER_S
-from are_ros.draw.scene import CameraAt, ScanPoints, scan_points
+from are_ros.draw.scene import ScanPoints, scan_points
 from are_ros.errors import AreError
 from are_ros.messages.common import read_header
 from are_ros.messages.maps import Points, encode_grid, read_voxels
@@ -31,6 +31,7 @@ from are_ros.parameters.model import SensorsParameters
 from are_ros.replay.runner import Listener
 from are_ros.replay.scene_record import SceneRecorder
 from are_ros.wording import percent
+from are_ros.world.cameras import CameraAt
 from are_ros.world.environment import Environment
 from are_ros.world.occupancy_grid import OccupancyGrid, distances_in_cells
 from are_ros.world.rigid_transform import RigidTransform
@@ -209,8 +210,7 @@ class RecordKeeper(Listener):
         """Return the cameras after the first whose pose is known."""
         if not self._builder.demand.perception:
             return []
-        known = self._builder.cameras_at(stamp_ns)
-        return [CameraAt(number, camera.view, pose) for number, camera, pose in known if number]
+        return [camera for camera in self._builder.cameras_at(stamp_ns) if camera.number]
 
     def take_readings(self, readings: Sequence[ReleasedReading]) -> None:
         """Remember laser scans until the next tick that is shown."""

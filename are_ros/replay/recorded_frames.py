@@ -13,14 +13,13 @@ from are_ros.builder.assembly import (
     set_static_frames,
 )
 from are_ros.conventions import NS_PER_S
-from are_ros.draw.scene import CameraAt
 from are_ros.errors import FrameError, InputError
 from are_ros.messages.common import read_header
 from are_ros.messages.images.image import read_camera_info
 from are_ros.messages.transforms import OdometryNumbers, StampedTransform
 from are_ros.parameters.choices import CameraModel
 from are_ros.parameters.model import Parameters
-from are_ros.world.cameras import Camera
+from are_ros.world.cameras import Camera, CameraAt
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.transforms.tree import FrameTree
 

@@ -12,7 +12,6 @@ from are_ros.builder.assembly import robot_footprint
 from are_ros.builder.tick import Tick
 from are_ros.draw.scene import (
     ArtefactAt,
-    CameraAt,
     Doing,
     Life,
     Moment,
@@ -25,7 +24,7 @@ from are_ros.draw.scene import (
 from are_ros.parameters.model import Parameters
 from are_ros.population.artefact import GroundPose
 from are_ros.population.catalogue import Catalogue, CatalogueRow
-from are_ros.world.cameras import Camera, ViewModel
+from are_ros.world.cameras import Camera, CameraAt, ViewModel
 from are_ros.world.rigid_transform import RigidTransform
 
 

@@ -5,7 +5,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -553,6 +553,17 @@ class Camera:
     def name(self) -> str:
         """What a sighting calls it: its optical frame, "camera" where it has none."""
         return self.frame_id or "camera"
+
+
+class CameraAt(NamedTuple):
+    """A camera of the robot at an instant, its optical frame at a pose in the map frame.
+
+    `number` is 0 of its own camera; it counts those of `camera.others` from 1.
+    """
+
+    number: int
+    view: ViewModel
+    map_from_camera: RigidTransform
 
 
 @dataclass(frozen=True, eq=False)

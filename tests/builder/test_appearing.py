@@ -16,7 +16,7 @@ from scipy import stats
 from are_ros.agents.robots import RobotPose
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.occlusion.zbuffer import ZBuffer
-from are_ros.builder.spawning.spawner import Allowed, Spawning, Viewpoint
+from are_ros.builder.spawning.spawner import Allowed, Spawning
 from are_ros.errors import ParameterError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
@@ -26,7 +26,13 @@ from are_ros.population.departures import Cause
 from are_ros.population.meshes.shapes import Shape
 from are_ros.population.randomness import Purpose, generator
 from are_ros.world.boxes import OrientedBoxes
-from are_ros.world.cameras import FORWARD_FROM_OPTICAL, OmnidirectionalView, PinholeView, ViewModel
+from are_ros.world.cameras import (
+    FORWARD_FROM_OPTICAL,
+    CameraAt,
+    OmnidirectionalView,
+    PinholeView,
+    ViewModel,
+)
 from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.footprint import Footprint
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
@@ -72,9 +78,9 @@ def _robot(x: float, y: float) -> RobotPose:
     return RobotPose(0, RigidTransform.planar(x, y, 0.0), DISC.at(x, y, 0.0))
 
 
-def _looking(view: ViewModel, x: float, y: float, yaw: float) -> Viewpoint:
+def _looking(view: ViewModel, x: float, y: float, yaw: float) -> CameraAt:
     pose = RigidTransform.from_xyz_ypr(x, y, 1.0, yaw, 0.0, 0.0)
-    return Viewpoint(view, pose @ FORWARD_FROM_OPTICAL)
+    return CameraAt(0, view, pose @ FORWARD_FROM_OPTICAL)
 
 
 def _parameters(**values: Any) -> Parameters:

@@ -14,10 +14,16 @@ from are_ros.agents.events import SceneMetrics
 from are_ros.draw.map import known_part, shaded, window_of, with_furniture
 from are_ros.draw.overview import _leader_px, draw_overview, subtitle_of
 from are_ros.draw.robot import fan_at, level_sight, other_fans, spread_indices, walls_of
-from are_ros.draw.scene import CameraAt, Life, SceneRecord, TickSeries, Track
+from are_ros.draw.scene import Life, SceneRecord, TickSeries, Track
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.meshes.shapes import Shape
-from are_ros.world.cameras import OmnidirectionalView, PinholeView, ViewModel, mounted_camera
+from are_ros.world.cameras import (
+    CameraAt,
+    OmnidirectionalView,
+    PinholeView,
+    ViewModel,
+    mounted_camera,
+)
 from are_ros.world.footprint import Footprint
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform

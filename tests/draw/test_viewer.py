@@ -15,7 +15,6 @@ from are_ros.draw.palette import ROBOT, class_colours
 from are_ros.draw.scene import (
     MOST_TICKS,
     ArtefactAt,
-    CameraAt,
     Moment,
     ScanPoints,
     SceneRecord,
@@ -31,7 +30,7 @@ from are_ros.population.artefact import GroundPose
 from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.population.meshes.shapes import Shape
 from are_ros.replay.scene_record import SceneRecorder
-from are_ros.world.cameras import Camera, PinholeView
+from are_ros.world.cameras import Camera, CameraAt, PinholeView
 from are_ros.world.footprint import Footprint
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform

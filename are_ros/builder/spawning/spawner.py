@@ -6,7 +6,6 @@ and vanish unseen (section 3.2).
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -25,7 +24,7 @@ from are_ros.population.artefact import GroundPose
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.departures import Cause
 from are_ros.world.boxes import OrientedBoxes, overlaps_any
-from are_ros.world.cameras import ViewModel
+from are_ros.world.cameras import CameraAt, ViewModel
 from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint, signed_distance_m
 from are_ros.world.regions import (
@@ -37,17 +36,8 @@ from are_ros.world.regions import (
     region_finder,
     zone_weights,
 )
-from are_ros.world.rigid_transform import RigidTransform
 
 _GROWN_M: Final = 1e-3
-
-
-@dataclass(frozen=True, eq=False)
-class Viewpoint:
-    """A camera: its view model, and the pose of its optical frame in the map frame."""
-
-    view: ViewModel
-    map_from_camera: RigidTransform
 
 
 class OutOfView:
@@ -62,10 +52,10 @@ class OutOfView:
     def __init__(self, max_range_m: float) -> None:
         self._max_range_m = max_range_m
         self._environment: Environment | None = None
-        self._viewpoints: tuple[Viewpoint, ...] = ()
+        self._viewpoints: tuple[CameraAt, ...] = ()
         self._buffers: list[tuple[ViewModel, ZBuffer]] = []
 
-    def look(self, environment: Environment, viewpoints: Sequence[Viewpoint]) -> None:
+    def look(self, environment: Environment, viewpoints: Sequence[CameraAt]) -> None:
         """Set the environment and the viewpoints; nothing is computed before `hides`."""
         self._environment, self._viewpoints = environment, tuple(viewpoints)
 
@@ -157,7 +147,7 @@ class Spawning:
         self,
         environment: Environment,
         robot: RobotPose | None,
-        viewpoints: Sequence[Viewpoint] = (),
+        viewpoints: Sequence[CameraAt] = (),
     ) -> bool:
         """Update the region and the cameras' views; return whether the region has changed."""
         self.out_of_view.look(environment, viewpoints)

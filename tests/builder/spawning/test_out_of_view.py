@@ -9,10 +9,11 @@ import pytest
 
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.occlusion.zbuffer import ZBuffer
-from are_ros.builder.spawning.spawner import OutOfView, Viewpoint
+from are_ros.builder.spawning.spawner import OutOfView
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.cameras import (
     FORWARD_FROM_OPTICAL,
+    CameraAt,
     FisheyeView,
     OmnidirectionalView,
     PinholeView,
@@ -84,7 +85,7 @@ def test_it_lies_between_the_zbuffer_on_the_boxes_and_on_larger_ones(name: str, 
     x, y, z, yaw, pitch = rng.uniform((-0.3, -0.3, 0.5, -3.1, -0.4), (0.3, 0.3, 1.5, 3.1, 0.4))
     camera = _camera(x, y, z, yaw, pitch)
     unseen = OutOfView(6.0)
-    unseen.look(_environment(voxels), [Viewpoint(view, camera)])
+    unseen.look(_environment(voxels), [CameraAt(0, view, camera)])
     hidden = unseen.hides(boxes)
     assert not (hidden & _seen(view, camera, boxes, voxels, 0.0)).any()
     assert _seen(view, camera, boxes, voxels, 2e-3)[~hidden].all()
@@ -95,7 +96,7 @@ def test_the_order_of_the_questions_changes_no_answer() -> None:
     """One by one, backwards, or all at once: what was looked up before does not matter."""
     rng = np.random.default_rng(3)
     environment, boxes = _environment(_clutter(rng)), _crowd(rng, 200)
-    viewpoint = Viewpoint(VIEW, _camera(0.1, 0.2, 1.0, 0.5))
+    viewpoint = CameraAt(0, VIEW, _camera(0.1, 0.2, 1.0, 0.5))
     together, backwards = OutOfView(6.0), OutOfView(6.0)
     together.look(environment, [viewpoint])
     backwards.look(environment, [viewpoint])
@@ -120,7 +121,7 @@ def _indices(mask: npt.NDArray[np.bool_]) -> list[int]:
     return [int(i) for i in np.flatnonzero(mask)]
 
 
-def _hidden(*viewpoints: Viewpoint, max_range_m: float = 5.0) -> list[int]:
+def _hidden(*viewpoints: CameraAt, max_range_m: float = 5.0) -> list[int]:
     unseen = OutOfView(max_range_m)
     unseen.look(_environment(WALL), viewpoints)
     return _indices(unseen.hides(PLACES))
@@ -128,21 +129,21 @@ def _hidden(*viewpoints: Viewpoint, max_range_m: float = 5.0) -> list[int]:
 
 def test_walls_range_and_field_of_view_hide() -> None:
     """Boxes of the same question do not hide each other, the one about the camera neither."""
-    forward = Viewpoint(VIEW, _camera(0.0, 0.0, 1.0))
+    forward = CameraAt(0, VIEW, _camera(0.0, 0.0, 1.0))
     assert _hidden(forward) == [FAR, BEHIND_WALL, BEHIND]
     assert _hidden(forward, max_range_m=30.0) == [BEHIND_WALL, BEHIND]
 
 
 def test_all_cameras_count() -> None:
     """Hidden is what none sees; with no camera, or none with a ray, everything is."""
-    forward = Viewpoint(VIEW, _camera(0.0, 0.0, 1.0))
-    backward = Viewpoint(VIEW, _camera(0.0, 0.0, 1.0, math.pi))
+    forward = CameraAt(0, VIEW, _camera(0.0, 0.0, 1.0))
+    backward = CameraAt(0, VIEW, _camera(0.0, 0.0, 1.0, math.pi))
     assert _hidden(forward, backward) == [FAR, BEHIND_WALL]
     assert _hidden() == [AHEAD, FAR, BEHIND_WALL, BEHIND, ABOUT]
     assert OutOfView(5.0).hides(PLACES).all()
     unseen = OutOfView(5.0)
     blind: ViewModel = Blind()
-    unseen.look(_environment(WALL), [Viewpoint(blind, RigidTransform.identity())])
+    unseen.look(_environment(WALL), [CameraAt(0, blind, RigidTransform.identity())])
     assert unseen.hides(PLACES).all()
 
 
@@ -152,25 +153,25 @@ def test_every_change_of_what_is_looked_at_counts() -> None:
     camera = _camera(0.0, 0.0, 1.0)
     narrow = PinholeView.from_field_of_view(80, 60, 0.1)
 
-    def hidden(where: Environment, *viewpoints: Viewpoint) -> list[int]:
+    def hidden(where: Environment, *viewpoints: CameraAt) -> list[int]:
         unseen.look(where, viewpoints)
         return _indices(unseen.hides(PLACES))
 
-    assert hidden(environment, Viewpoint(VIEW, camera)) == [FAR, BEHIND_WALL, BEHIND]
-    assert hidden(environment, Viewpoint(VIEW, _camera(0.0, 0.0, 1.0, math.pi))) == [
+    assert hidden(environment, CameraAt(0, VIEW, camera)) == [FAR, BEHIND_WALL, BEHIND]
+    assert hidden(environment, CameraAt(0, VIEW, _camera(0.0, 0.0, 1.0, math.pi))) == [
         AHEAD,
         FAR,
         BEHIND_WALL,
     ]
     up = _camera(0.0, 0.0, 1.0, 0.0, -1.2)
-    assert hidden(environment, Viewpoint(VIEW, up)) == [AHEAD, FAR, BEHIND_WALL, BEHIND]
-    assert hidden(environment, Viewpoint(VIEW, camera)) == [FAR, BEHIND_WALL, BEHIND]
-    assert hidden(environment, Viewpoint(VIEW, _camera(0.0, 0.0, 1.0))) == [
+    assert hidden(environment, CameraAt(0, VIEW, up)) == [AHEAD, FAR, BEHIND_WALL, BEHIND]
+    assert hidden(environment, CameraAt(0, VIEW, camera)) == [FAR, BEHIND_WALL, BEHIND]
+    assert hidden(environment, CameraAt(0, VIEW, _camera(0.0, 0.0, 1.0))) == [
         FAR,
         BEHIND_WALL,
         BEHIND,
     ]
-    assert hidden(_environment(None), Viewpoint(VIEW, camera)) == [FAR, BEHIND]
-    aside = Viewpoint(narrow, _camera(0.0, 0.0, 1.0, 0.5))
+    assert hidden(_environment(None), CameraAt(0, VIEW, camera)) == [FAR, BEHIND]
+    aside = CameraAt(0, narrow, _camera(0.0, 0.0, 1.0, 0.5))
     assert hidden(environment, aside) == [AHEAD, FAR, BEHIND_WALL, BEHIND]
     assert hidden(environment) == [AHEAD, FAR, BEHIND_WALL, BEHIND, ABOUT]
