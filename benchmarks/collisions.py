@@ -61,14 +61,14 @@ def sub_step(boxes: OrientedBoxes, generator: np.random.Generator) -> Callable[[
         np.zeros((side, side), dtype=np.int8), 0.1, RigidTransform.identity(), "map"
     )
     environment = Environment(grid, classify(grid, 65, 25), None, PlaneGround(0.0), 0.06)
-    resolver, robots = CollisionResolver(Displace(), 2.0), (Footprint.disc(0.22).at(5.0, 5.0, 0.0),)
+    resolver, robot = CollisionResolver(Displace(), 2.0), Footprint.disc(0.22).at(5.0, 5.0, 0.0)
     ids = np.arange(len(boxes))
-    settled = resolver.resolve(ids, boxes, boxes, environment, robots)
+    settled = resolver.resolve(ids, boxes, boxes, environment, robot)
     stays = settled.outcomes <= 2
     start, ids = settled.boxes.take(stays), ids[stays]
     moves_m = np.pad(generator.normal(0.0, 0.05, (len(ids), 2)), ((0, 0), (0, 1)))
     moved = OrientedBoxes(start.centres_m + moves_m, start.yaws_rad, start.half_sizes_m)
-    return lambda: resolver.resolve(ids, moved, start, environment, robots)
+    return lambda: resolver.resolve(ids, moved, start, environment, robot)
 
 
 def milliseconds(action: Callable[[], object]) -> float:

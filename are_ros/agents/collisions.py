@@ -30,38 +30,31 @@ from are_ros.world.footprint import Footprint, penetration_m
 
 @dataclass(frozen=True)
 class RobotContact:
-    """Robot number `observer` overlaps an artefact, by this penetration depth."""
+    """The robot overlaps an artefact, by this penetration depth."""
 
-    observer: int
     artefact_id: int
     penetration_m: float
 
 
-def depths_m(robots: Sequence[Footprint], boxes: OrientedBoxes) -> NDArray[np.float64]:
-    """Return the penetration depths (N, R) of R robots into N boxes, 0 where apart."""
-    if not robots:
-        return np.zeros((len(boxes), 0))
-    return np.column_stack([penetration_m(robot, boxes) for robot in robots])
+def depths_m(robot: Footprint | None, boxes: OrientedBoxes) -> NDArray[np.float64]:
+    """Return the penetration depths (N,) of the robot into N boxes, 0 where apart."""
+    return np.zeros(len(boxes)) if robot is None else penetration_m(robot, boxes)
 
 
 def contacts_of(ids: NDArray[np.int64], depths: NDArray[np.float64]) -> tuple[RobotContact, ...]:
-    """Return the contacts among depths (N, R) of R robots into the N artefacts `ids`.
+    """Return the contacts among depths (N,) into the N artefacts `ids`, in their order.
 
-    The order is that of the artefacts, then of the robots. Touching is no contact.
+    Touching is no contact.
     """
-    if not depths.any():
-        return ()
-    return tuple(
-        RobotContact(int(observer), int(ids[i]), float(depths[i, observer]))
-        for i, observer in np.argwhere(depths > TOUCH_TOLERANCE_M)
-    )
+    deep = np.flatnonzero(depths > TOUCH_TOLERANCE_M)
+    return tuple(RobotContact(int(ids[i]), float(depths[i])) for i in deep)
 
 
 class ContactPolicy:
-    """What happens to an artefact that a robot has moved into; here nothing is tolerated."""
+    """What happens to an artefact that the robot has moved into; here nothing is tolerated."""
 
     def tolerated_m(self, depths: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the depths (N, R) up to which overlaps are tolerated, given the present ones."""
+        """Return the depths (N,) up to which overlaps are tolerated, given the present ones."""
         return np.zeros_like(depths)
 
     def leaves(self, in_contact: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -90,13 +83,13 @@ class Remove(ContactPolicy):
 
 
 class ContactLog:
-    """Keeps the pairs (robot, artefact) in contact, and counts the contacts that begin."""
+    """Keeps the artefacts in contact with the robot, and counts the contacts that begin."""
 
     def __init__(self, observer: str) -> None:
         """Take the robot's name, which the events give as their detail."""
         self.count = 0
         self._observer = observer
-        self._touching: set[tuple[int, int]] = set()
+        self._touching: set[int] = set()
 
     def begun(
         self, now_ns: int, contacts: Sequence[RobotContact], living: Mapping[int, Artefact]
@@ -105,14 +98,13 @@ class ContactLog:
 
         `living` has the artefacts in contact by their ids.
         """
-        touching = {(contact.observer, contact.artefact_id): contact for contact in contacts}
-        new = [contact for key, contact in touching.items() if key not in self._touching]
-        self._touching = set(touching)
+        new = [contact for contact in contacts if contact.artefact_id not in self._touching]
+        self._touching = {contact.artefact_id for contact in contacts}
         self.count += len(new)
         return [self._event(now_ns, contact, living) for contact in new]
 
     def forget(self) -> None:
-        """Forget the pairs in contact: the clock jumped, or a recording has a gap."""
+        """Forget who is in contact: the clock jumped, or a recording has a gap."""
         self._touching = set()
 
     def _event(
@@ -165,7 +157,7 @@ def _keep_or_move_back(
     """Give each box from `start` on its proposed or last safe pose; return the first with neither.
 
     Boxes are packed (N, 8). `allowed` (N, 2) tells whether the proposed and the last safe pose are
-    clear of walls and robots, `adjacency` is the result of `_neighbours`. Boxes that are `is_fixed`
+    clear of walls and robot, `adjacency` is the result of `_neighbours`. Boxes that are `is_fixed`
     (N,) are skipped, and stay as they are in `current`. All boxes are tested against the
     `displaced`, which are outside their neighbourhoods. The kernel writes into `current` (N, 8) and
     `outcomes` (N,). It returns N at the end.
@@ -203,8 +195,8 @@ class RingSearch:
     """Finds the nearest safe place on rings 0.1 m apart, at 32 angles each, within `radius_m`.
 
     The order is fixed: from the inner ring outwards, on a ring counter-clockwise from the map's +x.
-    The heading is kept. Places at least `robot_clearance_m` away from where the robots are about to
-    be come first, so that an artefact that makes way for a robot is not in its way again at once.
+    The heading is kept. Places at least `robot_clearance_m` away from where the robot is about to
+    be come first, so that an artefact that makes way for it is not in its way again at once.
     """
 
     def __init__(self, radius_m: float, robot_clearance_m: float = 0.0) -> None:
@@ -222,34 +214,33 @@ class RingSearch:
         self,
         box: OrientedBoxes,
         others: OrientedBoxes,
-        robots: Sequence[Footprint],
+        robot: Footprint | None,
         environment: Environment,
-        ahead: Sequence[Footprint] = (),
+        ahead: Footprint | None = None,
     ) -> tuple[NDArray[np.float64], OrientedBoxes] | None:
         """Return the offset (2,) in metres and the box there, on the ground; None if none is safe.
 
         `box` is of length one. A place is safe if the box covers free cells only, hits no wall, and
-        overlaps none of the others and no robot. `ahead` are the areas that the robots will cover.
+        overlaps neither the others nor the robot. `ahead` is the area that the robot will cover.
         """
-        areas = (*robots, *ahead)
+        areas = [area for area in (robot, ahead) if area is not None]
         padded = [area.padded(self._robot_clearance_m) for area in areas]
         found = self._nearest(box, others, padded, environment)
-        is_choosy = ahead or (robots and self._robot_clearance_m > 0.0)
-        if found is None and is_choosy:
-            found = self._nearest(box, others, robots, environment)
+        if found is None and robot is not None:
+            found = self._nearest(box, others, [robot], environment)
         return found
 
     def _nearest(
         self,
         box: OrientedBoxes,
         others: OrientedBoxes,
-        robots: Sequence[Footprint],
+        areas: Sequence[Footprint],
         environment: Environment,
     ) -> tuple[NDArray[np.float64], OrientedBoxes] | None:
         for offsets_m in self._chunks:
             candidates = _standing_at(box, offsets_m, environment)
             placeable = np.flatnonzero(environment.is_placeable(candidates))
-            safe = placeable[~_is_taken(candidates.take(placeable), others, robots)]
+            safe = placeable[~_is_taken(candidates.take(placeable), others, areas)]
             if len(safe):
                 return offsets_m[safe[0]], candidates.at(safe[0])
         return None
@@ -270,12 +261,12 @@ def _standing_at(
 
 
 def _is_taken(
-    boxes: OrientedBoxes, others: OrientedBoxes, robots: Sequence[Footprint]
+    boxes: OrientedBoxes, others: OrientedBoxes, areas: Sequence[Footprint]
 ) -> NDArray[np.bool_]:
-    """Tell which boxes overlap any other box or any robot."""
+    """Tell which boxes overlap any other box or any of the areas."""
     taken = overlaps_any(boxes, others)
-    for robot in robots:
-        taken |= penetration_m(robot, boxes) > TOUCH_TOLERANCE_M
+    for area in areas:
+        taken |= penetration_m(area, boxes) > TOUCH_TOLERANCE_M
     return taken
 
 
@@ -320,7 +311,7 @@ class CollisionResolver:
     else it leaves. Fixed artefacts, which follow tracks, have their proposed poses whatever is
     there, and the others make way.
 
-    A pose is safe if its box hits no wall, overlaps no other artefact, and overlaps a robot no
+    A pose is safe if its box hits no wall, overlaps no other artefact, and overlaps the robot no
     deeper than the policy tolerates. The other artefacts are at their new poses (lower ids, fixed
     ones) or at their last safe ones (higher ids). These do not overlap, and no decision lets them
     overlap. An overlap among the last safe poses is resolved like any other.
@@ -338,34 +329,33 @@ class CollisionResolver:
         proposed: OrientedBoxes,
         last_safe: OrientedBoxes,
         environment: Environment,
-        robots: Sequence[Footprint],
-        ahead: Callable[[], Sequence[Footprint]] = tuple,
+        robot: Footprint | None,
+        ahead: Callable[[], Footprint | None] = lambda: None,
         fixed: Sequence[int] = (),
     ) -> Resolution:
         """Return the poses of artefacts `ids` (N,), strictly ascending; `fixed` index tracks.
 
         `proposed` and `last_safe` are the boxes (N) at the two poses, on the ground, in the map
         frame; `last_safe` is where each was at the end of the last sub-step, or where it was
-        placed. `robots` are the footprints at their poses in the map frame, `ahead` the areas that
-        they are about to cover: an artefact is displaced there only if there is no other place.
+        placed. `robot` is the footprint at its pose in the map frame, `ahead` gives the area that
+        it is about to cover: an artefact is displaced there only if there is no other place.
         `ahead` is called only for a displacement. Raises ValueError where ids do not ascend or
         lengths differ.
         """
         _check(ids, proposed, last_safe)
-        depths = depths_m(robots, _with_rows(last_safe, proposed, fixed))
+        depths = depths_m(robot, _with_rows(last_safe, proposed, fixed))
         contacts = contacts_of(ids, depths)
         limits_m = self._policy.tolerated_m(depths) + TOUCH_TOLERANCE_M
-        in_contact: NDArray[np.bool_] = np.any(depths > TOUCH_TOLERANCE_M, axis=1)
-        present = ~self._policy.leaves(in_contact)
-        allowed = _are_allowed(proposed, environment, robots, limits_m)
+        present = ~self._policy.leaves(depths > TOUCH_TOLERANCE_M)
+        allowed = _are_allowed(proposed, environment, robot, limits_m)
         if allowed.all() and present.all() and not any_overlap(proposed):
             count = len(ids)
             return Resolution(np.zeros(count, np.int8), np.zeros((count, 2)), proposed, contacts)
-        allowed_back = _are_allowed(last_safe, environment, robots, limits_m)
+        allowed_back = _are_allowed(last_safe, environment, robot, limits_m)
         remedies = _Remedies(proposed, last_safe, present, fixed)
         remedies.apply(
             np.column_stack((allowed, allowed_back)),
-            lambda box, others: self._search.nearest(box, others, robots, environment, ahead()),
+            lambda box, others: self._search.nearest(box, others, robot, environment, ahead()),
             self._search.radius_m,
         )
         return Resolution(remedies.outcomes, remedies.shifts_m, remedies.boxes(), contacts)
@@ -377,7 +367,7 @@ class CollisionResolver:
 
         `proposed` are the boxes (N) at the next sub-step, `last_safe` the present ones. Of two that
         would overlap, the one with the higher id stays, but none of the `fixed` (indices); walls
-        and robots do not count. An overlap that staying would not prevent is left to `resolve`.
+        and the robot do not count. An overlap that staying would not prevent is left to `resolve`.
         """
         held = np.zeros(len(proposed), np.bool_)
         if any_overlap(proposed):
@@ -401,11 +391,11 @@ def _with_rows(boxes: OrientedBoxes, others: OrientedBoxes, rows: Sequence[int])
 def _are_allowed(
     boxes: OrientedBoxes,
     environment: Environment,
-    robots: Sequence[Footprint],
+    robot: Footprint | None,
     limits_m: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
-    """Tell which boxes (N) hit no wall, and no robot deeper than its limit (N, R)."""
-    return ~environment.hits_wall(boxes) & (depths_m(robots, boxes) <= limits_m).all(axis=1)
+    """Tell which boxes (N) hit no wall, nor the robot deeper than their limits (N,)."""
+    return ~environment.hits_wall(boxes) & (depths_m(robot, boxes) <= limits_m)
 
 
 _Search = Callable[[OrientedBoxes, OrientedBoxes], tuple[NDArray[np.float64], OrientedBoxes] | None]
@@ -437,7 +427,7 @@ class _Remedies:
     def apply(self, allowed: NDArray[np.bool_], search: _Search, radius_m: float) -> None:
         """Keep, move back or displace all artefacts in the order of their ids.
 
-        `allowed` (N, 2) tells whether walls and robots allow the proposed and the last safe pose;
+        `allowed` (N, 2) tells whether walls and robot allow the proposed and the last safe pose;
         `search` looks no farther than `radius_m`.
         """
         adjacency = _neighbours(self._proposed.packed, self._safe.packed)

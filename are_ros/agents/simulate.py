@@ -211,14 +211,13 @@ class CrowdSimulator:
         moved = (table.ends != table.poses).any(axis=1)
         tracks = table.tracks
         jumps = self._jump(now_ns, tracks) if tracks else []
-        robots = [robot.footprint] if robot else []
         resolution = self.resolver.resolve(
             table.ids,
             table.end_boxes,
             table.boxes,
             environment,
-            robots,
-            lambda: [robot.swept] if robot else [],
+            robot.footprint if robot else None,
+            lambda: robot.swept if robot else None,
             [row for row, _ in tracks],
         )
         living = {one.id: one for one in table.artefacts} if resolution.contacts else {}

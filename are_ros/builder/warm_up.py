@@ -393,7 +393,7 @@ def _let_collide(builder: ArBuilder) -> None:
         for y_m in (0.5, 0.1)
     )
     resolver = collision_resolver(builder.parameters)
-    resolver.resolve(np.array([1, 2]), together, apart, environment, ())
+    resolver.resolve(np.array([1, 2]), together, apart, environment, None)
 
 
 def _room() -> OccupancyGrid:

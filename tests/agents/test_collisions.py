@@ -47,11 +47,11 @@ def _resolve(
     proposed: OrientedBoxes,
     last_safe: OrientedBoxes,
     environment: Environment = _OPEN,
-    robots: tuple[Footprint, ...] = (),
+    robot: Footprint | None = None,
     policy: ContactPolicy | None = None,
 ) -> Resolution:
     resolver = CollisionResolver(policy or Displace(), 2.0)
-    return resolver.resolve(np.arange(len(proposed)), proposed, last_safe, environment, robots)
+    return resolver.resolve(np.arange(len(proposed)), proposed, last_safe, environment, robot)
 
 
 def _outcomes(resolution: Resolution) -> list[Outcome]:
@@ -124,7 +124,7 @@ def test_an_artefact_never_moves_into_a_robot() -> None:
     """Its proposal is refused under every policy; that is no contact."""
     robot = Footprint.disc(0.3).at(2.0, 1.0, 0.0)
     for policy in (Hold(), Displace(), Remove()):
-        moved = _resolve(_boxes((1.6, 1.0)), _boxes((1.4, 1.0)), _OPEN, (robot,), policy)
+        moved = _resolve(_boxes((1.6, 1.0)), _boxes((1.4, 1.0)), _OPEN, robot, policy)
         assert _outcomes(moved) == [Outcome.MOVED_BACK]
         assert moved.contacts == ()
 
@@ -143,7 +143,7 @@ def test_a_robot_that_moves_into_a_standing_artefact(
     """The contact is reported with its depth, and the policy says what follows."""
     robot = Footprint.disc(0.3).at(1.5, 1.0, 0.0)
     standing = _boxes((1.0, 1.0))
-    resolution = _resolve(standing, standing, _OPEN, (robot,), policy)
+    resolution = _resolve(standing, standing, _OPEN, robot, policy)
     assert _outcomes(resolution) == [outcome]
     assert resolution.contacts[0].penetration_m == pytest.approx(0.05)
     if outcome is Outcome.DISPLACED_TO_SAFE:
@@ -153,8 +153,8 @@ def test_a_robot_that_moves_into_a_standing_artefact(
 def test_one_that_is_held_may_back_out_but_not_go_deeper() -> None:
     """While the overlap lasts, it may move away from the robot, never further into it."""
     robot = Footprint.disc(0.3).at(1.5, 1.0, 0.0)
-    back = _resolve(_boxes((0.98, 1.0)), _boxes((1.0, 1.0)), _OPEN, (robot,), Hold())
-    deeper = _resolve(_boxes((1.02, 1.0)), _boxes((1.0, 1.0)), _OPEN, (robot,), Hold())
+    back = _resolve(_boxes((0.98, 1.0)), _boxes((1.0, 1.0)), _OPEN, robot, Hold())
+    deeper = _resolve(_boxes((1.02, 1.0)), _boxes((1.0, 1.0)), _OPEN, robot, Hold())
     assert _outcomes(back) == [Outcome.KEPT]
     assert _outcomes(deeper) == [Outcome.MOVED_BACK]
 
@@ -163,14 +163,14 @@ def test_a_standing_scene_is_kept_until_there_is_another_map_or_a_robot() -> Non
     """Where nothing moved, the result has the boxes given; a new map or a robot is looked at."""
     resolver = CollisionResolver(Displace(), 2.0)
     ids, standing = np.array([3, 8]), _boxes((5.0, 5.0), (7.0, 7.0))
-    assert resolver.resolve(ids, standing, standing, _OPEN, ()).is_all_kept
-    again = resolver.resolve(ids, standing, standing, _OPEN, ())
+    assert resolver.resolve(ids, standing, standing, _OPEN, None).is_all_kept
+    again = resolver.resolve(ids, standing, standing, _OPEN, None)
     assert again.boxes is standing
     robot = Footprint.disc(0.3).at(5.3, 5.0, 0.0)
-    contact = resolver.resolve(ids, standing, standing, _OPEN, (robot,))
+    contact = resolver.resolve(ids, standing, standing, _OPEN, robot)
     assert _outcomes(contact)[0] is Outcome.DISPLACED_TO_SAFE
     wall = _environment((49, 49, 51, 51))
-    covered = resolver.resolve(ids, standing, standing, wall, ())
+    covered = resolver.resolve(ids, standing, standing, wall, None)
     assert _outcomes(covered) == [Outcome.DISPLACED_TO_SAFE, Outcome.KEPT]
 
 
@@ -179,9 +179,9 @@ def test_ids_must_ascend_and_lengths_agree() -> None:
     resolver = CollisionResolver(Hold(), 2.0)
     pair = _boxes((1.0, 1.0), (3.0, 1.0))
     with pytest.raises(ValueError, match="ascend"):
-        resolver.resolve(np.array([2, 1]), pair, pair, _OPEN, ())
+        resolver.resolve(np.array([2, 1]), pair, pair, _OPEN, None)
     with pytest.raises(ValueError, match="length"):
-        resolver.resolve(np.array([1]), pair, pair, _OPEN, ())
+        resolver.resolve(np.array([1]), pair, pair, _OPEN, None)
 
 
 @pytest.mark.parametrize("tracked", [0, 1])
@@ -192,7 +192,7 @@ def test_others_make_way_for_who_follows_a_track(tracked: int) -> None:
     places[tracked] = ((1.6, 1.0), (0.8, 1.0)) if tracked == 0 else ((0.9, 1.0), (1.6, 1.0))
     proposed, last_safe = (_boxes(*points) for points in zip(*places, strict=True))
     resolver, ids = CollisionResolver(Displace(), 2.0), np.arange(2)
-    resolution = resolver.resolve(ids, proposed, last_safe, _OPEN, (), fixed=[tracked])
+    resolution = resolver.resolve(ids, proposed, last_safe, _OPEN, None, fixed=[tracked])
     expected = [Outcome.DISPLACED_TO_SAFE] * 2
     expected[tracked] = Outcome.KEPT
     assert _outcomes(resolution) == expected
@@ -205,10 +205,10 @@ def test_a_track_into_the_robot_is_a_contact_when_it_gets_there() -> None:
     there, before = _boxes((1.0, 1.0), (3.0, 1.0)), _boxes((0.2, 1.0), (3.0, 1.0))
     robot = Footprint.disc(0.3).at(1.1, 1.0, 0.0)
     resolver, ids = CollisionResolver(Hold(), 2.0), np.array([1, 2])
-    resolution = resolver.resolve(ids, there, before, _OPEN, [robot], fixed=[0])
+    resolution = resolver.resolve(ids, there, before, _OPEN, robot, fixed=[0])
     assert resolution.is_all_kept
     assert [contact.artefact_id for contact in resolution.contacts] == [1]
-    assert resolver.resolve(ids, before, there, _OPEN, [robot], fixed=[0]).contacts == ()
+    assert resolver.resolve(ids, before, there, _OPEN, robot, fixed=[0]).contacts == ()
 
 
 @pytest.mark.parametrize("tracked", [0, 1])
@@ -226,7 +226,7 @@ def test_a_track_goes_on_through_walls_and_other_tracks() -> None:
     wall = _environment((0, 20, 100, 21))
     last_safe, proposed = _boxes((1.5, 1.0), (2.5, 1.0)), _boxes((1.9, 1.0), (2.1, 1.0))
     resolver, ids = CollisionResolver(Displace(), 2.0), np.arange(2)
-    resolution = resolver.resolve(ids, proposed, last_safe, wall, (), fixed=[0, 1])
+    resolution = resolver.resolve(ids, proposed, last_safe, wall, None, fixed=[0, 1])
     assert resolution.is_all_kept
     assert resolution.boxes.centres_m[:, 0].tolist() == [1.9, 2.1]
 
@@ -275,7 +275,7 @@ def test_no_two_ever_overlap(seed: int, step_m: float) -> None:
         x, y = generator.uniform(2.0, 8.0, 2)
         robot = Footprint.disc(0.4).at(x, y, 0.0)
         proposed = _stepped(boxes, generator, step_m)
-        resolution = resolver.resolve(ids, proposed, boxes, environment, (robot,))
+        resolution = resolver.resolve(ids, proposed, boxes, environment, robot)
         stays = _check_invariant(resolution, environment, robot)
         boxes, ids = resolution.boxes.take(stays), ids[stays]
     assert len(ids) > count // 4
@@ -292,7 +292,7 @@ def test_only_tracks_ever_overlap(seed: int, step_m: float) -> None:
     is_tracked = generator.random(count) < 0.3
     for _ in range(6):
         proposed, fixed = _stepped(boxes, generator, step_m), np.flatnonzero(is_tracked).tolist()
-        resolution = resolver.resolve(ids, proposed, boxes, _OPEN, (), fixed=fixed)
+        resolution = resolver.resolve(ids, proposed, boxes, _OPEN, None, fixed=fixed)
         assert (resolution.outcomes[fixed] == Outcome.KEPT).all()
         stays = resolution.outcomes < Outcome.LEAVES
         boxes, ids, is_tracked = resolution.boxes.take(stays), ids[stays], is_tracked[stays]
