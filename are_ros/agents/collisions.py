@@ -339,10 +339,8 @@ class CollisionResolver:
         frame; `last_safe` is where each was at the end of the last sub-step, or where it was
         placed. `robot` is the footprint at its pose in the map frame, `ahead` gives the area that
         it is about to cover: an artefact is displaced there only if there is no other place.
-        `ahead` is called only for a displacement. Raises ValueError where ids do not ascend or
-        lengths differ.
+        `ahead` is called only for a displacement.
         """
-        _check(ids, proposed, last_safe)
         depths = depths_m(robot, _with_rows(last_safe, proposed, fixed))
         contacts = contacts_of(ids, depths)
         limits_m = self._policy.tolerated_m(depths) + TOUCH_TOLERANCE_M
@@ -475,11 +473,3 @@ class _Remedies:
         near[i] = False
         yaws_rad = np.arctan2(self._current[near, 4], self._current[near, 3])
         return OrientedBoxes(self._current[near, :3], yaws_rad, self._current[near, 5:])
-
-
-def _check(ids: NDArray[np.int64], proposed: OrientedBoxes, last_safe: OrientedBoxes) -> None:
-    """Raise ValueError where ids do not ascend or lengths differ."""
-    if not len(ids) == len(proposed) == len(last_safe):
-        raise ValueError("ids, proposed and last safe boxes differ in length")
-    if not (ids[1:] > ids[:-1]).all():
-        raise ValueError("ids do not ascend strictly")

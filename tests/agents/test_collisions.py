@@ -174,16 +174,6 @@ def test_a_standing_scene_is_kept_until_there_is_another_map_or_a_robot() -> Non
     assert _outcomes(covered) == [Outcome.DISPLACED_TO_SAFE, Outcome.KEPT]
 
 
-def test_ids_must_ascend_and_lengths_agree() -> None:
-    """The order of decisions is that of the ids."""
-    resolver = CollisionResolver(Hold(), 2.0)
-    pair = _boxes((1.0, 1.0), (3.0, 1.0))
-    with pytest.raises(ValueError, match="ascend"):
-        resolver.resolve(np.array([2, 1]), pair, pair, _OPEN, None)
-    with pytest.raises(ValueError, match="length"):
-        resolver.resolve(np.array([1]), pair, pair, _OPEN, None)
-
-
 @pytest.mark.parametrize("tracked", [0, 1])
 def test_others_make_way_for_who_follows_a_track(tracked: int) -> None:
     """Whichever has the lower id: a track goes on, and who stands in its way is displaced."""
