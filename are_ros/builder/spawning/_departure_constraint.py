@@ -74,44 +74,6 @@ class DepartureConstraint:
         return np.ones(len(poses), np.bool_)
 
 
-class ConnectedFreeSpace(DepartureConstraint):
-    """The disc is free, and in a connected part of the free space that is large enough for a trip.
-
-    Such a part is at least `extent_m` long, along the grid's axes, and has a cell of `region`.
-    """
-
-    def __init__(self, terrain: Terrain, radius_m: float, region: _Mask, extent_m: float) -> None:
-        super().__init__(terrain, radius_m, region)
-        self._extent_m = extent_m
-
-    @cached_property
-    def is_anywhere(self) -> bool:
-        return bool(self._roomy.any())
-
-    def is_free_at(self, points_m: _Floats) -> _Mask:
-        free = super().is_free_at(points_m)
-        rows, cols = self._terrain.grid.points_to_cells(points_m[free, :2]).T
-        free[free] = self._roomy[rows, cols]
-        return free
-
-    @cached_property
-    def _roomy(self) -> _Mask:
-        """The cells (H, W) of such parts, and their neighbours: centres may lie beside them."""
-        import cv2
-
-        field, unit_m = self._terrain.clearance_m, self._terrain.grid.resolution_m
-        open_cells = discs_fit(field, self.radius_m, unit_m).view(np.uint8)
-        count, labels, boxes, _ = cv2.connectedComponentsWithStats(open_cells, connectivity=4)
-        sides = boxes[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
-        is_roomy = np.zeros(count, np.bool_)
-        is_roomy[labels[self._region]] = True
-        is_roomy &= sides * unit_m >= self._extent_m
-        is_roomy[0] = False
-        mask = is_roomy[labels].view(np.uint8)
-        roomy: _Mask = cv2.dilate(mask, np.ones((3, 3), np.uint8)).view(np.bool_)
-        return roomy
-
-
 @compiled
 def discs_are_free(
     field: npt.NDArray[np.float32],
@@ -131,22 +93,34 @@ def discs_are_free(
     return free
 
 
-class VehicleDepartureCheck(ConnectedFreeSpace):
+class VehicleDepartureCheck(DepartureConstraint):
     """The disc of a vehicle's coarse route, narrower than its box is long, and a free first arc.
 
-    The pose lattice is not searched: that would take seconds where no vehicle can depart.
+    The disc is in a connected part of the free space that is large enough for a trip: it is at
+    least `LEAST_PART_M` long, along the grid's axes, and has a cell of `region`. The pose lattice
+    is not searched: that would take seconds where no vehicle can depart.
     """
 
     is_searched_for = False
 
     def __init__(self, terrain: Terrain, body: Body, way_radius_m: float, region: _Mask) -> None:
-        super().__init__(terrain, rounded_up_m(way_radius_m), region, LEAST_PART_M)
+        super().__init__(terrain, rounded_up_m(way_radius_m), region)
         self._turn_radius_m = body.turn_radius_m
         self._body = _row_of(body)
 
     @property
     def key(self) -> tuple[float, ...]:
         return (*super().key, self._turn_radius_m)
+
+    @cached_property
+    def is_anywhere(self) -> bool:
+        return bool(self._roomy.any())
+
+    def is_free_at(self, points_m: _Floats) -> _Mask:
+        free = super().is_free_at(points_m)
+        rows, cols = self._terrain.grid.points_to_cells(points_m[free, :2]).T
+        free[free] = self._roomy[rows, cols]
+        return free
 
     def leads_out(self, poses: _Floats) -> _Mask:
         """Tell at which poses (N, 4), x, y, 0, yaw, one of six first arcs is free: bool (N,).
@@ -157,6 +131,23 @@ class VehicleDepartureCheck(ConnectedFreeSpace):
         terrain, unit_m = self._terrain, self._terrain.grid.resolution_m
         field, lattice = terrain.clearance_m, terrain.lattice
         return some_arc_is_free(field, lattice, unit_m, self._body, poses)
+
+    @cached_property
+    def _roomy(self) -> _Mask:
+        """The cells (H, W) of large parts, and their neighbours: centres may lie beside them."""
+        import cv2
+
+        field, unit_m = self._terrain.clearance_m, self._terrain.grid.resolution_m
+        open_cells = discs_fit(field, self.radius_m, unit_m).view(np.uint8)
+        count, labels, boxes, _ = cv2.connectedComponentsWithStats(open_cells, connectivity=4)
+        sides = boxes[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
+        is_roomy = np.zeros(count, np.bool_)
+        is_roomy[labels[self._region]] = True
+        is_roomy &= sides * unit_m >= LEAST_PART_M
+        is_roomy[0] = False
+        mask = is_roomy[labels].view(np.uint8)
+        roomy: _Mask = cv2.dilate(mask, np.ones((3, 3), np.uint8)).view(np.bool_)
+        return roomy
 
 
 def _row_of(body: Body) -> _Floats:

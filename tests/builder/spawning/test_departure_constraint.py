@@ -12,10 +12,10 @@ from are_ros.agents.mdp.coarse_map import CoarseMaps, rounded_up_m
 from are_ros.agents.navigation.profile import NavigationProfile
 from are_ros.agents.navigation.terrain import Terrains
 from are_ros.builder.spawning._departure_constraint import (
-    ConnectedFreeSpace,
     DepartureConstraint,
     VehicleDepartureCheck,
     departure_constraint_of,
+    discs_are_free,
 )
 from are_ros.population.catalogue import CatalogueRow, MotionLimits
 from are_ros.world.rigid_transform import RigidTransform
@@ -113,14 +113,16 @@ def test_a_car_between_two_walls_does_not_set_out_and_one_with_room_behind_does(
 
 
 def test_a_part_too_short_for_a_trip_is_a_pocket() -> None:
-    """Of two rooms only the one that is 2.6 m long is roamed, if that is asked for."""
+    """Of two rooms, seven cells and six cells long, those of 2.6 m or more are roamed."""
     free = np.zeros((9, 20), np.bool_)
-    free[1:8, 1:8] = free[1:8, 10:12] = True
-    terrain = Terrains().of(environment_of(free), 1.0)
-    points_m = np.array([(4.5, 4.5), (11.0, 4.5)])
-    for extent_m, expected in ((0.0, [True, True]), (2.6, [True, True]), (7.2, [False, False])):
-        roaming = ConnectedFreeSpace(terrain, 0.4, np.ones_like(free), extent_m)
-        assert roaming.is_free_at(points_m).tolist() == expected
+    free[1:8, 1:8] = free[1:7, 10:12] = True
+    body, points = Body.of(row_of(0.4, 0.2, motion=DRIVES)), np.array([(4.5, 4.5), (11.0, 4.5)])
+    for cell_m, expected in ((1.0, [True, True]), (0.4, [True, False]), (0.3, [False, False])):
+        terrain = Terrains().of(environment_of(free, cell_m), 1.0)
+        roaming = VehicleDepartureCheck(terrain, body, 0.1, np.ones_like(free))
+        assert discs_are_free(terrain.clearance_m, terrain.lattice, cell_m * points, 0.1).all()
+        assert roaming.is_free_at(cell_m * points).tolist() == expected
+        assert roaming.is_anywhere == any(expected)
 
 
 @pytest.mark.parametrize("size_m", [(1.25, 0.58), (2.1, 1.1), (4.3, 1.8), (0.4, 0.4)])
