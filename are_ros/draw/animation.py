@@ -84,7 +84,6 @@ _SOON_NS: Final = NS_PER_S
 """The first ticks come before the first transform: for so long the robot is shown all the same."""
 _FAN_ALPHA: Final = 0.2
 _PATH_COLOUR: Final = mixed(ROBOT, 0.45)
-_FOLLOWING_PATTERN_PX: Final = (4.0, 3.0)
 _COMING_AND_GOING: Final[Rgb] = (120, 130, 140)
 _FLASHES: Final[Mapping[EventKind, tuple[str, Rgb]]] = {
     EventKind.ARRIVED: ("comes or goes", _COMING_AND_GOING),
@@ -364,7 +363,7 @@ class Frames:
             ids = (one.follower.artefact_id, one.leader.artefact_id)
             if one.start_ns <= stamp_ns < one.end_ns and all(i in centres for i in ids):
                 start, end = (centres[i] for i in ids)
-                canvas.dashes(start, end, FOLLOWING, pattern_px=_FOLLOWING_PATTERN_PX)
+                canvas.dashes(start, end, FOLLOWING)
 
     def _draw_flashes(self, canvas: Canvas, stamp_ns: int) -> None:
         """Draw a growing ring where something happened a moment ago."""
@@ -433,7 +432,7 @@ class Frames:
                 rings.setdefault(name, colour)
         footer += [Entry(name, ring_sign(colour, 1.0)) for name, colour in rings.items()]
         if self._following:
-            footer.append(Entry("follows", dashed_sign(FOLLOWING, 1.0, _FOLLOWING_PATTERN_PX)))
+            footer.append(Entry("follows", dashed_sign(FOLLOWING, 1.0)))
         return header, footer
 
 

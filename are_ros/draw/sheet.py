@@ -58,12 +58,12 @@ def line_sign(colour: Rgb, width_px: float, alpha: float = 1.0) -> Sign:
     return lambda canvas, x, y: canvas.line(_level(x, y), colour, width_px, alpha)
 
 
-def dashed_sign(colour: Rgb, width_px: float, pattern_px: tuple[float, float]) -> Sign:
+def dashed_sign(colour: Rgb, width_px: float) -> Sign:
     """Return the sign of a dashed line."""
 
     def draw(canvas: Canvas, x: float, y: float) -> None:
         start_px, end_px = _level(x, y)
-        canvas.dashes(start_px, end_px, colour, width_px, pattern_px=pattern_px)
+        canvas.dashes(start_px, end_px, colour, width_px)
 
     return draw
 
