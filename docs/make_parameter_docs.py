@@ -14,9 +14,10 @@ _INTRODUCTION: Final = """\
 
 The path of a parameter is the same in YAML, in ROS and in Python. A live one may change while ARE
 runs: by `ros2 param set /ar_builder PATH VALUE`, or by a slider of `are view --live`, for which ROS
-need not be installed. The others take effect at the start: `--params FILE`, `--set PATH:=VALUE`. A
-value that is out of range is refused, with the reason, and nothing changes. `are describe` says
-what a set of values means: arrivals per minute, the expected population, how likely each class is.
+need not be installed. The others take effect at the start: `--params FILE`, `--set PATH:=VALUE`; in
+the node, when it is configured. A value that is out of range is refused, with the reason, and
+nothing changes. `are describe` says what a set of values means: arrivals per minute, the expected
+population, how likely each class is.
 
 This page and `config/are.yaml` are made from the declaration in `are_ros/parameters/model.py` by
 `python docs/make_parameter_docs.py`.

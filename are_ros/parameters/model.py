@@ -265,7 +265,7 @@ class OcclusionParameters:
     target: Shape = parameter(
         Shape.BOX,
         "Whose visible pixels count: those of the artefact's box, as in the paper, or of its mesh, "
-        "which asks for occlusion.shape: mesh.",
+        "which requires occlusion.shape: mesh.",
         live=True,
     )
     mutual: bool = parameter(True, "Artefacts hide each other.", live=True)
@@ -485,7 +485,7 @@ class BehaviourParameters:
     temperature: float = parameter(
         0.025,
         "Temperature T of the policy: 0 takes the best action; the higher, the more the shares of "
-        "the catalogue decide. A second of a person's time is worth 0.2.",
+        "the catalogue decide. A person's epoch is worth 0.2.",
         bounds=(0.0, 1e9),
     )
     persistence: float = parameter(

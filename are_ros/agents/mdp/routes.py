@@ -22,6 +22,12 @@ _ROUNDING = 1e-5
 AHEAD = 2
 """For so many epochs the motion of the others is foreseen."""
 
+_WAY_CELLS = 6
+"""So many cells ahead tell where a way leads."""
+
+_BACK = -0.5
+"""A move goes back if the cosine of its angle with the way is less."""
+
 
 class ValueArrays(NamedTuple):
     """A value table as the kernels take it, with a window of h x w cells.
@@ -213,37 +219,6 @@ def _price(
     return total, is_occupied
 
 
-@compiled
-def leave_out(
-    values: ValueArrays,
-    anchors_m: Doubles,
-    others: Doubles,
-    state: tuple[int, int, int],
-    best_move: int,
-    brings: Doubles,
-) -> None:
-    """Set to -inf, in (P, 5), the moves that a walker does not make among others.
-
-    These are to go back from `best_move`, its best without them: it would turn on its heel, and
-    again once they have passed. Neither are moves that fail because somebody will be there: they
-    would only make it turn. The best move is left then, and as good as to stay without resting: the
-    local planner may find a way past.
-    """
-    numbers = np.empty((4, values.paces.shape[0], 4))
-    moves = Moves(numbers[0], numbers[1], numbers[2], numbers[3], np.empty(4))
-    _find_moves(values, anchors_m, others, (state[0], state[1]), moves)
-    for direction in range(4):
-        move = direction + 1
-        is_back = best_move > 0 and (move - best_move) % 4 == 2
-        is_open = values.lengths[direction, state[0], state[1]] > 0
-        for pace in range(brings.shape[0]):
-            is_blocked = is_open and moves.lengths[pace, direction] == 0
-            if is_blocked and move == best_move:
-                brings[pace, move] = brings[0, 0] - values.prices[2]
-            elif is_back or is_blocked:
-                brings[pace, move] = -np.inf
-
-
 @borrowing
 def best_action(brings: Doubles, heading: int) -> tuple[int, int]:
     """Return the pace and the move of the best action of (P, 5).
@@ -302,6 +277,46 @@ def follow(
         points_m[count, 0], points_m[count, 1] = anchor_m[0], anchor_m[1]
         left, count = left - 1, count + 1
     return count
+
+
+@compiled
+def leave_out(
+    values: ValueArrays,
+    anchors_m: Doubles,
+    others: Doubles,
+    state: tuple[int, int, int],
+    best_move: int,
+    brings: Doubles,
+) -> None:
+    """Set to -inf, in (P, 5), the moves that a walker does not make among others.
+
+    These are to go back from where its way leads without them: it would turn on its heel, and
+    again once they have passed. Neither are moves that fail because somebody will be there: they
+    would only make it turn. `best_move`, the best one without them, is left then, and as good as to
+    stay without resting: the local planner may find a way past.
+    """
+    numbers = np.empty((4, values.paces.shape[0], 4))
+    moves = Moves(numbers[0], numbers[1], numbers[2], numbers[3], np.empty(4))
+    _find_moves(values, anchors_m, others, (state[0], state[1]), moves)
+    points_m = np.empty((_WAY_CELLS, 2))
+    count = follow(values, anchors_m, state, (0, 0), points_m)
+    at_row, at_col = state[0] + values.corner[0], state[1] + values.corner[1]
+    ahead_m = points_m[max(count - 1, 0)] - anchors_m[at_row, at_col]
+    for direction in range(4):
+        move, is_back = direction + 1, False
+        is_open = values.lengths[direction, state[0], state[1]] > 0
+        if is_open and count > 0:
+            beside_m = anchors_m[at_row + ROW_STEPS[direction], at_col + COL_STEPS[direction]]
+            step_m = beside_m - anchors_m[at_row, at_col]
+            along_m2 = step_m[0] * ahead_m[0] + step_m[1] * ahead_m[1]
+            straight_m2 = np.hypot(step_m[0], step_m[1]) * np.hypot(ahead_m[0], ahead_m[1])
+            is_back = along_m2 < _BACK * straight_m2
+        for pace in range(brings.shape[0]):
+            is_blocked = is_open and moves.lengths[pace, direction] == 0
+            if is_blocked and move == best_move:
+                brings[pace, move] = brings[0, 0] - values.prices[2]
+            elif is_back or is_blocked:
+                brings[pace, move] = -np.inf
 
 
 @borrowing

@@ -193,7 +193,10 @@ def test_a_step_aside_is_not_undone_in_the_same_epoch() -> None:
 @settings(max_examples=40)
 @given(seed=st.integers(0, 10**6))
 def test_a_walker_neither_goes_back_for_others_nor_turns_into_them(seed: int) -> None:
-    """Moves that are not made have no value: back from the best one, and others that fail."""
+    """Moves that are not made have no value: back from where the way leads, and those that fail.
+
+    The way is that of six cells along falling costs; back is more than 120 degrees from it.
+    """
     random = np.random.default_rng(seed)
     coarse = CoarseMap(terrain_of(random.random((40, 50)) < 0.003, resolution_m=0.1), 0.1)
     reaches = (2, 4)
@@ -210,14 +213,22 @@ def test_a_walker_neither_goes_back_for_others_nor_turns_into_them(seed: int) ->
             table.value_arrays, coarse.anchors_m, others, state, best_move, brings
         )
         assert (brings[:, 0] == before[:, 0]).all()
+        here_m, points_m = coarse.anchors_m[row, col], np.empty((6, 2))
+        arrays, stays = table.value_arrays, (0, 0)
+        count = _route_kernels.follow(arrays, coarse.anchors_m, state, stays, points_m)
+        ahead_m = points_m[:count][-1:] - here_m
         for pace, direction in product(range(2), range(4)):
             rows, cols = steps[direction]
             length = min(reaches[pace], int(table.lengths[direction, row, col]))
             fails = any(is_met[row + k * rows, col + k * cols] for k in range(1, length + 1))
-            move, back = direction + 1, (direction + 2) % 4 + 1
+            move, is_back = direction + 1, False
+            if length and len(ahead_m):
+                step_m = coarse.anchors_m[row + rows, col + cols] - here_m
+                turn = math.atan2(*step_m[::-1]) - math.atan2(*ahead_m[0, ::-1])
+                is_back = abs(math.remainder(turn, math.tau)) > math.radians(120.0)
             if fails and move == best_move:
                 assert brings[pace, move] == before[0, 0] - 0.09
-            elif fails or best_move == back:
+            elif fails or is_back:
                 assert brings[pace, move] == -np.inf
             else:
                 assert brings[pace, move] == before[pace, move]
