@@ -54,13 +54,11 @@ def scan_points(
     scan: LaserScan, received: LaserScan | None, map_from_sensor: RigidTransform
 ) -> ScanPoints:
     """Return where the beams end, thinned; without the scan as received none is virtual."""
-    returned = np.isfinite(scan.ranges) & (scan.ranges >= scan.range_min_m)
-    returned &= scan.ranges <= scan.range_max_m
+    ends_m, returned = scan.returns()
     is_virtual: npt.NDArray[np.bool_] = np.zeros(len(scan.ranges), dtype=np.bool_)
     if received is not None and len(received.ranges) == len(scan.ranges):
         is_virtual = scan.ranges.view(np.uint32) != received.ranges.view(np.uint32)
-    lengths_m = scan.ranges[returned].astype(np.float64)[:, np.newaxis]
-    points_m = map_from_sensor.apply(scan.directions()[returned] * lengths_m)
+    points_m = map_from_sensor.apply(ends_m)
     return ScanPoints(points_m.astype(np.float32), is_virtual[returned]).thinned()
 
 

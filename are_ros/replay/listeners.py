@@ -34,7 +34,6 @@ from are_ros.wording import percent
 from are_ros.world.cameras import CameraAt
 from are_ros.world.environment import Environment
 from are_ros.world.occupancy_grid import OccupancyGrid, distances_in_cells
-from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.scan_matching import NEAR_M
 
 _WITHOUT_TRUTH: Final = SensorsParameters()
@@ -232,8 +231,6 @@ _SCAN_PERIOD_NS: Final = NS_PER_S
 """Of each laser one scan in this time is looked at."""
 _MOST_SCANS: Final = 1000
 _FEWEST_POINTS: Final = 500
-_RETURN_SHARE: Final = 0.995
-"""Many drivers write range_max, or a little less, where nothing is."""
 _LEVEL: Final = 0.995
 """The least z component of the axis of a laser that is level."""
 _NO_FIT_SHARE: Final = 0.5
@@ -266,7 +263,7 @@ class ScanFit:
             pose = frames.try_lookup(map_frame, scan.frame_id, scan.stamp_ns)
             if pose is not None and abs(pose.rotation_matrix()[2, 2]) > _LEVEL:
                 self._last_ns[released.topic] = scan.stamp_ns
-                self._ends_m.append(_ends(scan, pose))
+                self._ends_m.append(pose.apply(scan.returns()[0])[:, :2].astype(np.float32))
 
     def doubts(self) -> list[str]:
         """Return half a sentence if the scans do not fit the map, else nothing."""
@@ -292,16 +289,6 @@ class ScanFit:
         if not here <= 1.5 * float(np.nanmedian([here, *beside])):
             return []
         return [f"only {percent(here)} of what the scans measured on the map is where it has walls"]
-
-
-def _ends(scan: LaserScan, map_from_laser: RigidTransform) -> npt.NDArray[np.float32]:
-    """Return where the beams of a scan end, float32 (N, 2) in the map's frame [m]."""
-    farthest_m = scan.range_max_m * _RETURN_SHARE
-    returned = np.isfinite(scan.ranges) & (scan.ranges >= scan.range_min_m)
-    returned &= scan.ranges < farthest_m
-    lengths_m = scan.ranges[returned].astype(np.float64)[:, np.newaxis]
-    ends_m = map_from_laser.apply(scan.directions()[returned] * lengths_m)
-    return ends_m[:, :2].astype(np.float32)
 
 
 def _near_walls(environment: Environment) -> npt.NDArray[np.bool_]:

@@ -253,6 +253,8 @@ _ABEAM = 0.4  # a vehicle whose goal is beside it, no farther than this, has arr
 _FACED = 0.02
 PASSED = 0.35
 """Nearer [m] to a sub-goal than this, an agent has passed it."""
+_PASSES_S = 0.7
+"""A slower agent passes a sub-goal only nearer than what it goes in this time [s]."""
 _STANDS = 1e-6
 _IMPATIENCE = 0.25
 _MOST_IMPATIENT = 1.5
@@ -300,8 +302,9 @@ def kind_of(agents: AgentArrays, i: int, pose: Floats, now: int, second: int) ->
     is_abeam = is_abeam and abs(ahead) <= _ARRIVED and abs(aside) <= _ABEAM
     if command.stops == 0 and now - second < memory.passed_at:
         is_near = way < 2.0 * PASSED + 0.3 * body.turn_radius
-        is_passed = is_near and (way < PASSED or ahead < 0.0)
-        # an artefact that turns on the spot passes no sub-goal while it stands
+        # an artefact that turns on the spot passes no sub-goal while it stands, or sets out there
+        reach = PASSED if is_vehicle else min(PASSED, _PASSES_S * abs(pose[SPEED]))
+        is_passed = is_near and (way < reach or ahead < 0.0)
         if memory.passed_at == NEVER and is_passed and (is_vehicle or pose[SPEED] != 0.0):
             if np.isnan(command.beyond_x):
                 memory.passed_at = now

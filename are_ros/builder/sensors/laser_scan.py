@@ -14,6 +14,9 @@ from are_ros.builder.sensors.obstacles import Obstacles
 from are_ros.errors import InputError
 from are_ros.world.rigid_transform import RigidTransform
 
+_RETURN_SHARE = 0.995
+"""Gazebo and many drivers write range_max, or a little less, where nothing is."""
+
 
 @dataclass(frozen=True, eq=False)
 class LaserScan:
@@ -81,6 +84,16 @@ class LaserScan:
     def directions(self) -> npt.NDArray[np.float64]:
         """Return the beams' unit vectors in the laser's frame, float64 (N, 3), read-only."""
         return _directions(self.angle_min_rad, self.angle_increment_rad, len(self.ranges))
+
+    def returns(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
+        """Return where beams ended, float64 (M, 3) in the laser's frame [m], and which, bool (N,).
+
+        Those within [range_min, range_max], but for its last half per cent.
+        """
+        returned = np.isfinite(self.ranges) & (self.ranges >= self.range_min_m)
+        returned &= self.ranges < self.range_max_m * _RETURN_SHARE
+        lengths_m = self.ranges[returned].astype(np.float64)[:, np.newaxis]
+        return self.directions()[returned] * lengths_m, returned
 
     def augmented(self, map_from_sensor: RigidTransform, obstacles: Obstacles) -> "LaserScan":
         """Return the scan with virtual returns where an artefact is nearer than what was measured.

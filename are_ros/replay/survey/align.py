@@ -48,7 +48,6 @@ _APART_M: Final = 0.4
 _APART_RAD: Final = 0.3
 _SLOW_RADPS: Final = 0.1
 _MOST_TILT_RAD: Final = 0.1
-_RETURN_SHARE: Final = 0.995
 _ENOUGH_SHARE: Final = 0.95
 _FOR_EVER_NS: Final = 2**62
 
@@ -220,12 +219,7 @@ def _placed(tree: FrameTree, root: str, topic: str, scan: LaserScan) -> PlacedSc
     tilt_rad = math.acos(min(1.0, abs(float(root_from_laser.rotation_matrix()[2, 2]))))
     if tilt_rad > _MOST_TILT_RAD:
         return None
-    ranges = scan.ranges.astype(np.float64)
-    # Gazebo and some drivers write range_max, or a little less, where nothing is.
-    farthest_m = scan.range_max_m * _RETURN_SHARE
-    good = np.isfinite(ranges) & (ranges >= scan.range_min_m) & (ranges < farthest_m)
-    rays = scan.directions()[good] * ranges[good, np.newaxis]
-    endpoints = root_from_laser.apply(rays)[:, :2]
+    endpoints = root_from_laser.apply(scan.returns()[0])[:, :2]
     x, y, _ = root_from_laser.translation_m.tolist()
     place = (x, y, root_from_laser.yaw_rad())
     return PlacedScan(scan.stamp_ns, topic, place, endpoints)

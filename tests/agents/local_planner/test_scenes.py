@@ -90,6 +90,25 @@ def test_one_that_has_passed_its_sub_goal_comes_back_to_it() -> None:
     assert street.speeds[0] == 0.0
 
 
+@pytest.mark.parametrize("planner", PLANNERS)
+def test_one_that_sets_out_beside_a_corner_gets_round_it(planner: str) -> None:
+    """Each second it is told the same corner again, 0.29 m away, until it has been nearer.
+
+    A slow robot counted as past the corner as soon as it moved, turned to what comes after, and
+    back at the next order: for minutes.
+    """
+    corner_m, beyond_m = (5.23, 4.83), (4.6, 4.0)
+    street = Street(environment(room(12.0, 8.0)))
+    street.add(1, 5.0, 5.0, -2.08, Body((0.18, 0.18), (0.0, 0.0), 0.4, 0.6, 0.8, 1.5))
+    near = False
+    for _ in range(8):
+        near = near or math.dist(street.pose(1)[:2], corner_m) < 0.25
+        to_m, then_m = (beyond_m, None) if near else (corner_m, beyond_m)
+        street.command(1, MotionCommand(to_m, 0.6, near, planner=planner, beyond_m=then_m))
+        street.run(1.0)
+    assert math.dist(street.pose(1)[:2], beyond_m) < 0.2
+
+
 def test_one_that_stands_beside_a_sub_goal_on_the_way_goes_to_it() -> None:
     """It is near enough to have passed it, had it been moving; standing it turns round first."""
     for yaw_rad in (0.0, 1.5, math.pi):

@@ -96,3 +96,20 @@ def test_a_bad_scan_is_refused_with_field_and_reason(scan: LaserScan, sentence: 
     with pytest.raises(InputError) as caught:
         scan.checked("front")
     assert str(caught.value).startswith(sentence)
+
+
+def test_returns_are_what_came_back() -> None:
+    """Not too close, not nothing, and not range_max, which many drivers write for nothing."""
+    ranges = [0.05, 0.1, 2.0, 7.9, 7.97, 8.0, math.inf, math.nan, -math.inf]
+    scan = replace(
+        LaserScan.miniature("laser", 1),
+        angle_min_rad=0.0,
+        angle_increment_rad=0.5 * math.pi,
+        range_min_m=0.1,
+        range_max_m=8.0,
+        ranges=np.array(ranges, np.float32),
+    )
+    points_m, returned = scan.returns()
+    assert np.flatnonzero(returned).tolist() == [1, 2, 3]
+    expected = np.array([[0.0, 0.1, 0.0], [-2.0, 0.0, 0.0], [0.0, -7.9, 0.0]])
+    np.testing.assert_allclose(points_m, expected, atol=1e-6)
