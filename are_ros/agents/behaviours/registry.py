@@ -35,6 +35,7 @@ _PLAIN: Final[Mapping[str, type[Behaviour]]] = {
 """Behaviours without options."""
 
 _WITH_OPTIONS: Final = {kind.name: kind for kind in (AlongWay, Following)}
+"""Behaviours to which a scenario may give options; following does without, too."""
 
 BEHAVIOURS: Final = (*_PLAIN, AlongWay.name)
 """Names of the behaviours (the set B of section 3.2), without user-defined ones."""
