@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from scipy import stats
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import ParameterError
 from are_ros.population.departures import (
+    Cause,
     ConstantRateDepartures,
     Departure,
     DepartureLaw,
@@ -23,6 +25,16 @@ from are_ros.population.randomness import Purpose, generator
 EPOCH_NS = 1_700_000_000 * NS_PER_S
 
 both_laws = pytest.mark.parametrize("law_of", [IndependentLives, ConstantRateDepartures])
+
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "population.md"
+
+
+@pytest.mark.parametrize("cause", list(Cause))
+def test_the_page_tells_what_each_cause_means(cause: Cause) -> None:
+    """A line of the table of what the events say names it."""
+    table = [line for line in PAGE.read_text(encoding="utf-8").splitlines() if line[:1] == "|"]
+    assert any(f"`{cause.value}`" in line for line in table)
 
 
 def _life(seed: int, artefact_id: int) -> float:
