@@ -59,26 +59,18 @@ class PopulationEvent:
 
 @dataclass(frozen=True)
 class Counts:
-    """Totals so far: offered = arrived + blocked, alive = arrived - departed.
+    """Totals so far: arrived + blocked were offered, arrived - departed are alive."""
 
-    `displaced` counts the departed for which there was no safe pose: their lives are censored.
-    """
-
-    offered: int = 0
     arrived: int = 0
     blocked: int = 0
     departed: int = 0
-    displaced: int = 0
 
-    def after(self, event: PopulationEvent) -> "Counts":
+    def after(self, kind: EventKind) -> "Counts":
         """Return the counts with one more event."""
-        kind = event.kind
         return Counts(
-            offered=self.offered + (kind in {EventKind.ARRIVED, EventKind.BLOCKED}),
             arrived=self.arrived + (kind is EventKind.ARRIVED),
             blocked=self.blocked + (kind is EventKind.BLOCKED),
             departed=self.departed + (kind is EventKind.DEPARTED),
-            displaced=self.displaced + (event.cause is Cause.DISPLACED),
         )
 
 
@@ -405,9 +397,8 @@ class Population:
         *,
         reason: str = "",
     ) -> PopulationEvent:
-        event = PopulationEvent(now_ns, kind, artefact_id, row, cause, reason)
-        self.counts = self.counts.after(event)
-        return event
+        self.counts = self.counts.after(kind)
+        return PopulationEvent(now_ns, kind, artefact_id, row, cause, reason)
 
     def _is_full(self) -> bool:
         return len(self._living) >= self.max_alive

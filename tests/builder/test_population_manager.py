@@ -13,6 +13,7 @@ from are_ros.errors import FrameError, ParameterError, PlacementError, ScenarioE
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.population.artefact import GroundPose, boxes_of
+from are_ros.population.population import Counts
 from are_ros.world.footprint import signed_distance_m
 from tests.world.overlapping import overlapping_pairs
 
@@ -113,12 +114,13 @@ def test_arrivals_begin_when_map_and_robot_are_known(make_scene: Make) -> None:
     scene = make_scene(BUSY)
     scene.robot(0.0, 1.0, 2.0)
     scene.builder.advance(scene.ns(5.0))
-    assert scene.builder.lives.population.counts.offered == 0
+    assert scene.builder.lives.population.counts == Counts()
     scene.map(5.0)
     scene.robot(5.0, 1.0, 2.0)
     scene.builder.advance(scene.ns(10.0))
     events = scene.builder.lives.take_events()
-    assert scene.builder.lives.population.counts.offered > 5
+    counts = scene.builder.lives.population.counts
+    assert counts.arrived + counts.blocked > 5
     assert min(event.stamp_ns for event in events) >= scene.ns(5.0)
     assert scene.builder.lives.area_m2 == pytest.approx(38 * 38 * 0.01, abs=0.5)
 
