@@ -332,16 +332,10 @@ class PopulationManager:
         return self._spawning.why_not(box, environment, others, robot, 0.0) or pose
 
     def _find_place(
-        self,
-        artefact_id: int,  # noqa: ARG002 - the population's interface
-        row: CatalogueRow,
-        generator: np.random.Generator,
-        near: tuple[float, float] | None,
+        self, row: CatalogueRow, generator: np.random.Generator, near: tuple[float, float] | None
     ) -> GroundPose | Cause:
-        crowd, spawning = self.crowd, self._spawning
-        boxes, is_clear = crowd.table.taken, crowd.planner.is_clear
-        pose = spawning.place(row, generator, boxes, self._robot, near, is_clear)
-        return pose or spawning.cause
+        boxes, is_clear = self.crowd.table.taken, self.crowd.planner.is_clear
+        return self._spawning.place(row, generator, boxes, self._robot, near, is_clear)
 
     def _sub_step(self, step_ns: int) -> None:
         """Read the inputs (environment, robot, goal, cameras), and run a sub-step of the crowd."""

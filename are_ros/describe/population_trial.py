@@ -166,29 +166,23 @@ def _place_on(site: Site, population: Population, group_radius_m: float) -> Plac
         place = _on_the_map(placer, population, group_radius_m)
 
     def place_mortal(
-        artefact_id: int,
-        row: CatalogueRow,
-        stream: np.random.Generator,
-        near: tuple[float, float] | None,
-    ) -> GroundPose | Cause | None:
-        return None if row.forever else place(artefact_id, row, stream, near)
+        row: CatalogueRow, stream: np.random.Generator, near: tuple[float, float] | None
+    ) -> GroundPose | Cause:
+        return Cause.NO_PLACE if row.forever else place(row, stream, near)
 
     return place_mortal
 
 
 def _on_the_map(placer: Placer, population: Population, radius_m: float) -> Place:
     def place(
-        _: int,
-        row: CatalogueRow,
-        stream: np.random.Generator,
-        near: tuple[float, float] | None,
-    ) -> GroundPose | None:
+        row: CatalogueRow, stream: np.random.Generator, near: tuple[float, float] | None
+    ) -> GroundPose | Cause:
         living = population.living.values()
         rows = [artefact.row for artefact in living]
         poses = [artefact.ground_pose_at(artefact.arrival_ns) for artefact in living]
         within = None if near is None else (*near, radius_m)
         around = PlacementConstraints(boxes_of(rows, poses), within=within)
-        return placer.place(row, stream, around)
+        return placer.place(row, stream, around) or Cause.NO_PLACE
 
     return place
 
@@ -197,11 +191,8 @@ def _in_the_open(side_m: float, radius_m: float) -> Place:
     """Return what places points in a square, members of a group in a disc about their first."""
 
     def place(
-        _: int,
-        __: CatalogueRow,
-        stream: np.random.Generator,
-        near: tuple[float, float] | None,
-    ) -> GroundPose | None:
+        _: CatalogueRow, stream: np.random.Generator, near: tuple[float, float] | None
+    ) -> GroundPose:
         while True:
             x_m, y_m = (side_m * stream.random(2)).tolist()
             if near is None or math.hypot(x_m - near[0], y_m - near[1]) <= radius_m:

@@ -75,11 +75,9 @@ class Counts:
 
 
 Place = Callable[
-    [int, CatalogueRow, np.random.Generator, tuple[float, float] | None], GroundPose | Cause | None
+    [CatalogueRow, np.random.Generator, tuple[float, float] | None], GroundPose | Cause
 ]
-"""(id, row, generator, (x, y) of the group's first member) -> a free pose, or why there is none.
-
-None is short for `Cause.NO_PLACE`."""
+"""(row, generator, (x, y) of the group's first member) -> a free pose, or why there is none."""
 
 
 Admit = Callable[[ScriptedOffer], GroundPose | str]
@@ -338,7 +336,7 @@ class Population:
             pose: GroundPose | Cause = Cause.MAX_ALIVE
             if not self._is_full():
                 stream = generator(self._seed, Purpose.PLACE, artefact_id)
-                pose = place(artefact_id, row, stream, near) or Cause.NO_PLACE
+                pose = place(row, stream, near)
             if isinstance(pose, Cause):
                 blocked = EventKind.BLOCKED
                 events.append(self._event(offer.time_ns, blocked, artefact_id, row, pose))

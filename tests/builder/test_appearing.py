@@ -100,14 +100,15 @@ def _placed(
     robot: RobotPose | None,
     number: int = 0,
     allowed: Allowed | None = None,
-) -> GroundPose | None:
+) -> GroundPose | Cause:
     stream = generator(7, Purpose.PLACE, number)
     return spawn.place(row, stream, NOBODY, robot, None, allowed)
 
 
 def _drawn(spawn: Spawning, row: CatalogueRow, robot: RobotPose | None, count: int) -> Floats:
-    poses = [_placed(spawn, row, robot, number) for number in range(count)]
-    return np.array([(pose.x_m, pose.y_m, pose.yaw_rad) for pose in poses if pose is not None])
+    drawn = (_placed(spawn, row, robot, number) for number in range(count))
+    poses = [pose for pose in drawn if isinstance(pose, GroundPose)]
+    return np.array([(pose.x_m, pose.y_m, pose.yaw_rad) for pose in poses])
 
 
 def _tries(count: int) -> Floats:
@@ -166,14 +167,11 @@ def test_where_all_is_seen_arrivals_are_blocked_with_a_cause_of_their_own() -> N
     environment, robot = _room(), _robot(3.0, 3.0)
     spawn = Spawning(_parameters(appear="out_of_view"), DISC)
     spawn.refresh(environment, robot, [_looking(ALL_AROUND, 3.0, 3.0, 0.0)])
-    causes = []
-    for row in (POST, HOUSE):
-        assert _placed(spawn, row, robot) is None
-        causes.append(spawn.cause)
-    assert causes == [Cause.NO_HIDDEN_PLACE, Cause.NO_PLACE]
+    assert _placed(spawn, POST, robot) is Cause.NO_HIDDEN_PLACE
+    assert _placed(spawn, HOUSE, robot) is Cause.NO_PLACE
     spawn.refresh(_room(SCREEN), robot, [_looking(ALL_AROUND, 1.0, 3.0, 0.0)])
     pose = _placed(spawn, POST, robot)
-    assert pose is not None
+    assert isinstance(pose, GroundPose)
     assert pose.x_m > 3.1
 
 
@@ -239,10 +237,9 @@ def test_entrances_out_of_the_region_are_none(tmp_path: Path) -> None:
     values = {"appear": "zones", "zones": _zones_file(tmp_path, text)}
     spawn = Spawning(_parameters(**values), DISC)
     spawn.refresh(_room((0, 60, 29, 31)), _robot(1.0, 1.0))
-    assert _placed(spawn, POST, None) is None
-    assert spawn.cause is Cause.NO_PLACE
+    assert _placed(spawn, POST, None) is Cause.NO_PLACE
     assert spawn.refresh(_room(), _robot(1.0, 1.0))
-    assert _placed(spawn, POST, None) is not None
+    assert isinstance(_placed(spawn, POST, None), GroundPose)
 
 
 def test_how_they_appear_may_change_at_any_time(tmp_path: Path) -> None:
@@ -282,7 +279,7 @@ def test_a_wish_is_granted_where_it_can_be(appear: str) -> None:
 
     for number in range(20):
         pose = _placed(spawn, POST, robot, number, upper)
-        assert pose is not None
+        assert isinstance(pose, GroundPose)
         assert pose.y_m > 3.0
     assert asked
 
@@ -290,7 +287,7 @@ def test_a_wish_is_granted_where_it_can_be(appear: str) -> None:
         return np.zeros(len(boxes), np.bool_)
 
     pose = _placed(spawn, POST, robot, 1, nowhere)
-    assert pose is not None
+    assert isinstance(pose, GroundPose)
     assert (
         spawn.out_of_view.hides(_boxes(POST, np.array([(pose.x_m, pose.y_m, pose.yaw_rad)])))[0]
         or appear == "anywhere"
@@ -303,8 +300,7 @@ def test_a_wish_that_makes_no_difference_makes_none() -> None:
     spawn.refresh(_room(SCREEN), robot, [_looking(AHEAD, 1.0, 3.0, 0.0)])
     everywhere = _placed(spawn, POST, robot, 4, lambda boxes: np.ones(len(boxes), np.bool_))
     assert everywhere == _placed(spawn, POST, robot, 4)
-    assert everywhere is not None
+    assert isinstance(everywhere, GroundPose)
     spawn.refresh(_room(), robot, [_looking(ALL_AROUND, 3.0, 3.0, 0.0)])
     refused = _placed(spawn, POST, robot, 4, lambda boxes: np.zeros(len(boxes), np.bool_))
-    assert refused is None
-    assert spawn.cause is Cause.NO_HIDDEN_PLACE
+    assert refused is Cause.NO_HIDDEN_PLACE

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -43,13 +44,10 @@ MIXTURE = TruncatedPoissonMixture((0.5, 0.5), (1.0, 2.0), len(ROWS))
 
 
 def _anywhere(
-    artefact_id: int,
-    row: CatalogueRow,
-    stream: np.random.Generator,
-    near: tuple[float, float] | None,
-) -> GroundPose | None:
+    row: CatalogueRow, stream: np.random.Generator, near: tuple[float, float] | None
+) -> GroundPose:
     """Place a point on an unobstructed map of 10 m x 10 m."""
-    del artefact_id, row, near
+    del row, near
     x_m, y_m = 10.0 * stream.random(2)
     return GroundPose(float(x_m), float(y_m), 0.0, 0.0)
 
@@ -215,14 +213,12 @@ def test_lives_do_not_depend_on_how_time_is_cut(
 @both_kinds
 def test_blocked_arrivals_shift_no_later_draw(kind: Departures) -> None:
     """Where every third artefact finds no place, all others arrive when and as they did."""
+    ids = count(1)
 
     def place_two_of_three(
-        artefact_id: int,
-        row: CatalogueRow,
-        stream: np.random.Generator,
-        near: tuple[float, float] | None,
-    ) -> GroundPose | None:
-        return _anywhere(artefact_id, row, stream, near) if artefact_id % 3 else None
+        row: CatalogueRow, stream: np.random.Generator, near: tuple[float, float] | None
+    ) -> GroundPose | Cause:
+        return _anywhere(row, stream, near) if next(ids) % 3 else Cause.NO_PLACE
 
     free, crowded = _population(2, kind), _population(2, kind)
     expected = _advance(free, _seconds(60))
@@ -243,20 +239,18 @@ def test_blocked_arrivals_shift_no_later_draw(kind: Departures) -> None:
 
 def test_at_the_bound_an_arrival_is_blocked_with_its_reason() -> None:
     """With room for two, the third is offered, takes an id, is blocked, and is not placed."""
-    asked: list[int] = []
+    asked: list[CatalogueRow] = []
 
     def place(
-        artefact_id: int,
-        row: CatalogueRow,
-        stream: np.random.Generator,
-        near: tuple[float, float] | None,
-    ) -> GroundPose | None:
-        asked.append(artefact_id)
-        return _anywhere(artefact_id, row, stream, near)
+        row: CatalogueRow, stream: np.random.Generator, near: tuple[float, float] | None
+    ) -> GroundPose:
+        asked.append(row)
+        return _anywhere(row, stream, near)
 
     population = _population(max_alive=2, mean_life_s=1e6)
     events = [event for _ in range(3) for event in population.handle_next(place)]
-    assert asked == [1, 2]
+    assert asked == [event.row for event in events[:2]]
+    assert [event.artefact_id for event in events[:2]] == [1, 2]
     assert events[2].kind is EventKind.BLOCKED
     assert events[2].cause is Cause.MAX_ALIVE
     assert events[2].artefact_id == 3
@@ -268,15 +262,13 @@ def test_a_group_arrives_together_and_near_its_first_member() -> None:
     asked: list[tuple[int, tuple[float, float] | None]] = []
 
     def place(
-        artefact_id: int,
-        row: CatalogueRow,
-        stream: np.random.Generator,
-        near: tuple[float, float] | None,
-    ) -> GroundPose | None:
+        row: CatalogueRow, stream: np.random.Generator, near: tuple[float, float] | None
+    ) -> GroundPose | Cause:
         del row, stream
-        asked.append((artefact_id, near))
-        assert len(population.living) == max(artefact_id - 2, 0)
-        return None if artefact_id == 1 else GroundPose(float(artefact_id), 0.5, 0.0, 0.0)
+        number = len(asked) + 1
+        asked.append((number, near))
+        assert len(population.living) == max(number - 2, 0)
+        return Cause.NO_PLACE if number == 1 else GroundPose(float(number), 0.5, 0.0, 0.0)
 
     population = _population(4, group=8.0)
     events = population.handle_next(place)

@@ -105,7 +105,7 @@ def _ns(at_s: float) -> int:
     return EPOCH_NS + round(at_s * NS_PER_S)
 
 
-def _anywhere(*_: object) -> GroundPose | None:
+def _anywhere(*_: object) -> GroundPose:
     return SPOT
 
 

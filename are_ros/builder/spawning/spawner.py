@@ -96,8 +96,7 @@ class Spawning:
     """Chooses arrival poses in the spawn region of the present environment.
 
     `region` is None before it is known. `goal` is the footprint at the robot's goal, None if that
-    is not known; arrivals keep away from it. `out_of_view` tells what no camera sees. `cause` tells
-    why `place` last found no pose.
+    is not known; arrivals keep away from it. `out_of_view` tells what no camera sees.
     """
 
     def __init__(
@@ -105,7 +104,6 @@ class Spawning:
     ) -> None:
         self._terrains = terrains or Terrains()
         self.goal: Footprint | None = None
-        self.cause = Cause.NO_PLACE
         self.out_of_view = OutOfView(parameters.occlusion.max_range)
         self._robot_radius_m = footprint.inscribed_radius_m
         zones = parameters.population.zones
@@ -169,15 +167,14 @@ class Spawning:
         robot: RobotPose | None,
         near: tuple[float, float] | None,
         preferred: Allowed | None = None,
-    ) -> GroundPose | None:
-        """Draw a pose for an artefact, near the first of its group; None, and a cause, if none is.
+    ) -> GroundPose | Cause:
+        """Draw a pose for an artefact, near the first of its group; the cause where none is free.
 
         Poses whose boxes `preferred` refuses are used only if there are no others.
         """
-        self.cause = Cause.NO_PLACE
         placer = self._placer_to_use()
         if placer is None:
-            return None
+            return Cause.NO_PLACE
         shapes = ([robot.footprint] if robot else []) + ([self.goal] if self.goal else [])
         keep_out = tuple((shape, self._clearance_m) for shape in shapes)
         within = None if near is None else (*near, self._population.group_radius)
@@ -201,9 +198,7 @@ class Spawning:
         if pose is None and "preferred" in refused:
             del tests["preferred"]
             pose = placer.place(row, generator, around)
-        if pose is None and "hidden" in refused:
-            self.cause = Cause.NO_HIDDEN_PLACE
-        return pose
+        return pose or (Cause.NO_HIDDEN_PLACE if "hidden" in refused else Cause.NO_PLACE)
 
     def why_not(
         self,

@@ -16,6 +16,7 @@ from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.population.artefact import GroundPose, boxes_of
 from are_ros.population.catalogue import MotionLimits
+from are_ros.population.departures import Cause
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.footprint import Footprint
@@ -50,10 +51,10 @@ def test_nobody_can_be_placed_before_the_region_is_known(make_scene: Callable[..
     """Area 0 and no pose; a reachable region needs the robot."""
     scene, spawn = make_scene(), spawning()
     generator = np.random.default_rng(1)
-    assert spawn.place(scene.row(0), generator, NOBODY, None, None) is None
+    assert spawn.place(scene.row(0), generator, NOBODY, None, None) is Cause.NO_PLACE
     spawn.refresh(surroundings(scene.room()), None)
     assert spawn.area_m2 == 0.0
-    assert spawn.place(scene.row(0), generator, NOBODY, None, None) is None
+    assert spawn.place(scene.row(0), generator, NOBODY, None, None) is Cause.NO_PLACE
 
 
 def test_the_reachable_region_follows_the_robot(make_scene: Callable[..., Scene]) -> None:
@@ -89,7 +90,7 @@ def test_poses_lie_in_the_region(
     generator, sides = np.random.default_rng(5), set()
     for _ in range(40):
         pose = spawn.place(scene.row(1), generator, others, robot, None)
-        assert pose is not None
+        assert isinstance(pose, GroundPose)
         box = boxes_of([scene.row(1)], [pose])
         assert spawn.why_not(box, environment, others, robot) == ""
         sides.add(pose.x_m > 2.0)
@@ -108,11 +109,11 @@ def test_walkers_arrive_where_they_can_turn(
     spawn.refresh(environment, None)
     for _ in range(100):
         pose = spawn.place(walker, generator, NOBODY, None, near)
-        assert pose is not None
+        assert isinstance(pose, GroundPose)
         assert min(pose.x_m, pose.y_m, 4.0 - pose.x_m, 4.0 - pose.y_m) >= 0.1 + radius_m - 1e-6
     spawn.refresh(surroundings(scene.room((0, 40, 0, 16), (0, 40, 22, 40))), None)
     poses = [spawn.place(walker, generator, NOBODY, None, None) for _ in range(5)]
-    assert None not in poses
+    assert all(isinstance(pose, GroundPose) for pose in poses)
 
 
 def test_members_of_a_group_are_near_the_first(make_scene: Callable[..., Scene]) -> None:
@@ -123,7 +124,7 @@ def test_members_of_a_group_are_near_the_first(make_scene: Callable[..., Scene])
     generator = np.random.default_rng(2)
     for _ in range(20):
         pose = spawn.place(scene.row(1), generator, NOBODY, robot, (1.0, 1.0))
-        assert pose is not None
+        assert isinstance(pose, GroundPose)
         assert np.hypot(pose.x_m - 1.0, pose.y_m - 1.0) <= 0.8
 
 
