@@ -66,7 +66,7 @@ class ArtefactState:
     departure_ns: int
     origin: Origin
     features: Mapping[str, str]
-    activity: str = ""
+    activity: str
 
 
 @dataclass(frozen=True, eq=False)

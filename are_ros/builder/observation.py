@@ -140,7 +140,7 @@ class CameraObserver:
         meshes: MeshBank,
         rate_hz: float,
         tick_rate_hz: float,
-        number: int = 0,
+        number: int,
     ) -> None:
         self.looks = 0
         self.missing = ""

@@ -41,7 +41,7 @@ class MarkerChange(NamedTuple):
     frame_id: str
     lifetime_ns: int
     fault: str
-    alpha: float = 1.0
+    alpha: float
 
 
 def change_of(marker: MarkerFields) -> MarkerChange:

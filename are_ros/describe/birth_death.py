@@ -17,7 +17,7 @@ _RESCALE_ABOVE = 1e200
 _NEGLIGIBLE_TAIL = 1e-16
 
 
-def group_tail(mean_group_size: float, share: float = 1.0) -> Numbers:
+def group_tail(mean_group_size: float, share: float) -> Numbers:
     """Return Pr(M > j) for j = 0, 1, ... until it is negligible, M the members that count.
 
     The group has 1 + Poisson(g - 1) members, each counted with probability `share`: so M is a

@@ -250,7 +250,7 @@ def bounds_of(points_px: Floats) -> Rectangle:
 
 
 @lru_cache(maxsize=2048)
-def _text_mask(text: str, size_px: int, *, bold: bool = False) -> Image:
+def _text_mask(text: str, size_px: int, *, bold: bool) -> Image:
     """Return the coverage (h, w) of a text; of equal texts the same array."""
     from PIL import Image as Pil
     from PIL import ImageDraw

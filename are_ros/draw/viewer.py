@@ -58,6 +58,7 @@ _FAN_RAYS: Final = 40
 _NEAR_M: Final = 2.0
 _SCAN_LASTS_NS: Final = NS_PER_S
 """A scan is shown until the next one, at most for so long: lasers may be slower than ticks."""
+_WAY_OFF_M: Final = 0.01
 _NOTED_STEP_M: Final = 0.005
 _GROUND_LIFT_M, _FAN_LIFT_M, _WAY_LIFT_M = 0.005, 0.02, 0.03
 _ROBOT_HEIGHT_M: Final = 0.3
@@ -615,13 +616,13 @@ def _prism(outline_m: Floats, low_m: float, high_m: float) -> tuple[Points, Face
     return np.vstack((low, high)).astype(np.float32), faces.astype(np.uint32)
 
 
-def _simplified(points_m: Floats, tolerance_m: float = 0.01) -> Floats:
-    """Return a way (N, 2) with fewer points, each of the others within the tolerance of it."""
+def _simplified(points_m: Floats) -> Floats:
+    """Return a way (N, 2) with fewer points, each of the others within `_WAY_OFF_M` of it."""
     import cv2
 
-    if len(points_m) < 2 or float(np.ptp(points_m, axis=0).max()) < tolerance_m:
+    if len(points_m) < 2 or float(np.ptp(points_m, axis=0).max()) < _WAY_OFF_M:
         return points_m[:0]
-    kept = cv2.approxPolyDP(points_m.astype(np.float32)[:, np.newaxis], tolerance_m, False)
+    kept = cv2.approxPolyDP(points_m.astype(np.float32)[:, np.newaxis], _WAY_OFF_M, False)
     way: Floats = np.asarray(kept, dtype=np.float64)[:, 0]
     return way
 

@@ -37,7 +37,7 @@ class FitOutcome:
     chosen: MixtureFit
     is_by_bic: bool
     seed: int
-    catalogue_file: Path | None = None
+    catalogue_file: Path | None
 
 
 def outcome_lines(outcome: FitOutcome) -> list[str]:

@@ -146,8 +146,8 @@ class SoakResult:
     simulated_s: float
     seed: int
     ways: dict[int, Way]
-    robot_way_m: list[tuple[float, float]] = field(default_factory=list)
-    map_yaw_rad: float = 0.0
+    robot_way_m: list[tuple[float, float]]
+    map_yaw_rad: float
 
     @property
     def resolved_share(self) -> float:

@@ -55,7 +55,7 @@ class Status:
     values: Mapping[str, str] = field(default_factory=dict)
 
 
-def figure(value: float | None, unit: str = "", digits: int = 1) -> str:
+def figure(value: float | None, unit: str, digits: int = 1) -> str:
     """Return a number with its unit, "-" where there is none."""
     if value is None:
         return "-"

@@ -57,7 +57,7 @@ def ros_type(item: Description) -> Any:
     return Parameter.Type.DOUBLE_ARRAY if is_numbers else Parameter.Type.STRING_ARRAY
 
 
-def descriptor(item: Description, *, is_read_only: bool = False) -> ParameterDescriptor:
+def descriptor(item: Description, *, is_read_only: bool) -> ParameterDescriptor:
     """Return the descriptor of a parameter: meaning, unit, choices, bounds, when it may change."""
     unit = f" [{item.unit}]" if item.unit else ""
     return ParameterDescriptor(

@@ -135,7 +135,7 @@ class RandomSource:
     """
 
     def __init__(
-        self, seed: int, rows: Sequence[CatalogueRow], law: RowLaw, mean_group_size: float = 1.0
+        self, seed: int, rows: Sequence[CatalogueRow], law: RowLaw, mean_group_size: float
     ) -> None:
         self._seed = seed
         self._arrivals = ArrivalProcess(seed, rate_per_s=0.0, now_ns=0)

@@ -53,8 +53,8 @@ class PopulationEvent:
     kind: EventKind
     artefact_id: int
     row: CatalogueRow
-    cause: Cause | None = None
-    reason: str = ""
+    cause: Cause | None
+    reason: str
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ class Population:
         source: RandomSource,
         departures: DepartureLaw,
         *,
-        max_alive: int = 200,
+        max_alive: int,
         history_ns: int = 2 * NS_PER_S,
         stays_on: Callable[[Artefact], bool] = lambda _: False,
         begun: Callable[[Artefact, ScriptedOffer | None], object] = lambda *_: None,

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from heapq import merge
 from operator import itemgetter
 from typing import Final
@@ -142,10 +142,10 @@ _LATCHED_S: Final = 5.0
 class PlayOutcome:
     """The result of a play: messages by topic, skipped topics with the reason, passes."""
 
-    counts: Mapping[str, int] = field(default_factory=dict)
-    skipped: Mapping[str, str] = field(default_factory=dict)
+    counts: Mapping[str, int]
+    skipped: Mapping[str, str]
+    is_complete: bool
     passes: int = 0
-    is_complete: bool = True
 
 
 def play(

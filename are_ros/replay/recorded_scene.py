@@ -62,10 +62,10 @@ class RecordedScene:
     record: SceneRecord
     grid: OccupancyGrid
     parameters: Parameters
-    robot_problem: str = ""
-    voxels: VoxelMap | None = None
-    cloud_problem: str = ""
-    left_out: str = ""
+    robot_problem: str
+    voxels: VoxelMap | None
+    cloud_problem: str
+    left_out: str
 
 
 def read_recorded_scene(

@@ -411,7 +411,7 @@ class _CoarseMap:
         values[kinds == UNKNOWN_CELL] = np.maximum(values[kinds == UNKNOWN_CELL], _UNKNOWN)
         return cls((values - _UNKNOWN).astype(np.float32), cell_m)
 
-    def candidates(self, cloud: ScanCloud, progress: Progress | None = None) -> list[PlanarPose]:
+    def candidates(self, cloud: ScanCloud, progress: Progress | None) -> list[PlanarPose]:
         """Return poses at which the cloud scores high, the best first, distinct from each other.
 
         The place of the laser that is nearest to the middle of the cloud lies within the map.

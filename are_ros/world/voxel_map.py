@@ -136,7 +136,7 @@ def lattice_of(
     points_m: npt.NDArray[np.floating],
     size_m: float | None,
     source: str,
-    wanted_m: float | None = None,
+    wanted_m: float | None,
 ) -> VoxelLattice:
     """Return the lattice of centres (N, 3), its size given or inferred.
 

@@ -15,6 +15,7 @@ from are_ros.world.occupancy_grid import OccupancyGrid
 AREA_OF_ONE_M2: Final = 25.0
 FEWEST: Final = 4
 MOST: Final = 400
+_BODY_M: Final = 0.35
 _BLOCK_M: Final = 1.0
 _DRAWN: Final = 40
 """The next destination is the farthest of so many drawn ones."""
@@ -57,10 +58,9 @@ def destinations_in(
     region: npt.NDArray[np.bool_],
     clearance_m: npt.NDArray[np.floating],
     *,
-    radius_m: float = 0.35,
     exits_m: npt.NDArray[np.float64] | None = None,
 ) -> Destinations:
-    """Return the destinations of a map for bodies that need `radius_m` about them.
+    """Return the destinations of a map for bodies that need 0.35 m about them.
 
     `region` bool and `clearance_m` [m] from what is not free are (height, width). Destinations are
     the cells of most clearance of one block each of about a square metre, spread by
@@ -68,7 +68,7 @@ def destinations_in(
     there are so many blocks. The same map gives the same destinations; another origin only moves
     and turns them. `exits_m` (E, 2) is passed on; None means no exits.
     """
-    fits = region & (clearance_m >= radius_m - _ROUNDING * grid.resolution_m)
+    fits = region & (clearance_m >= _BODY_M - _ROUNDING * grid.resolution_m)
     candidates, room_m = _block_maxima(fits, clearance_m, grid.resolution_m)
     area_m2 = float(np.count_nonzero(fits)) * grid.cell_area_m2
     count = min(max(math.ceil(area_m2 / AREA_OF_ONE_M2), FEWEST), MOST, len(candidates))

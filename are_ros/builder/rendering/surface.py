@@ -151,7 +151,7 @@ class SurfaceBank:
     How an artefact looks depends on the seed and its id, not on when it is seen.
     """
 
-    def __init__(self, seed: int = 0) -> None:
+    def __init__(self, seed: int) -> None:
         self.seed = seed
         """That of the surfaces that are not made yet."""
         self._surfaces: dict[tuple[int, int], Surface] = {}

@@ -75,7 +75,7 @@ class FrameSurvey:
 
     edges: tuple[SurveyedEdge, ...]
     oddities: tuple[str, ...]
-    refused: tuple[str, ...] = ()
+    refused: tuple[str, ...]
 
     def frames(self) -> tuple[str, ...]:
         """Return the names of all frames, sorted."""

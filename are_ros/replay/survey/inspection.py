@@ -91,8 +91,8 @@ class Inspection:
     map_frame: str
     base_frame: str
     missing: tuple[str, ...]
-    time: tuple[str, ...] = ()
-    misfits: tuple[str, ...] = ()
+    time: tuple[str, ...]
+    misfits: tuple[str, ...]
 
 
 def inspect_bag(
