@@ -77,13 +77,6 @@ class StepClock:
         return self.next_ns - self._last_input_ns > IDLE_NS
 
 
-_EVENT_KINDS = {
-    PopulationEventKind.ARRIVED: EventKind.ARRIVED,
-    PopulationEventKind.DEPARTED: EventKind.DEPARTED,
-    PopulationEventKind.BLOCKED: EventKind.BLOCKED,
-}
-
-
 _LAST_ID_IN_MASK: Final = 2**31 - 1
 """The pixels of masks are 32SC1."""
 _PERSON: Final = (0.3, 0.3, 0.9, 0.0, 0.0)
@@ -402,7 +395,7 @@ class PopulationManager:
             self.crowd.table.leaving_ns[row] = event.time_ns
             return
         detail = event.reason or (event.cause.value if event.cause else "")
-        kind, label = _EVENT_KINDS[event.kind], event.row.label
+        kind, label = EventKind[event.kind.name], event.row.label
         self.crowd.events.append(ArtefactEvent(event.time_ns, kind, artefact_id, label, detail))
 
 
