@@ -311,11 +311,6 @@ class Studio:
             settings.noise,
         )
 
-    @property
-    def jpeg_quality(self) -> int:
-        """The quality of JPEGs."""
-        return self.settings.jpeg_quality
-
     def noise(self, stamp_ns: int) -> np.random.Generator:
         """Return the generator of the noise of an image."""
         return generator(self.surfaces.seed, Purpose.IMAGE_NOISE, max(stamp_ns, 0))
@@ -470,9 +465,8 @@ class ColourImage:
         done = replace(self, truth=truth)
         if painting.pixels is None:
             return done
-        return replace(
-            done, pixels=self.pixels.with_rgb(painting.pixels, before, studio.jpeg_quality)
-        )
+        quality = studio.settings.jpeg_quality
+        return replace(done, pixels=self.pixels.with_rgb(painting.pixels, before, quality))
 
 
 def _body(
