@@ -19,7 +19,7 @@ from are_ros.messages.images.detections import encode_boxes_of_perceived, encode
 from are_ros.messages.maps import encode_grid, encode_grid_update
 from are_ros.messages.markers import MarkerEncoder
 from are_ros.messages.sensors import encode_cloud
-from are_ros.parameters.model import CertaintyParameters
+from are_ros.parameters.model import Parameters
 
 
 class OutputTopic(NamedTuple):
@@ -86,15 +86,14 @@ def skipped_parts(demand: Demand) -> tuple[str, ...]:
     return tuple(part for part in PARTS if getattr(USUAL, part) and not getattr(demand, part))
 
 
-def offered_outputs(
-    certainty: CertaintyParameters, demand: Demand = USUAL, *, with_boxes: bool = False
-) -> Mapping[str, OutputTopic]:
+def offered_outputs(parameters: Parameters, demand: Demand = USUAL) -> Mapping[str, OutputTopic]:
     """Return the outputs that there are with these parameters and this demand."""
+    certainty = parameters.certainty
     left_out = {name for part in PARTS if not getattr(demand, part) for name in PARTS[part]}
     offered = {name: output for name, output in ALL_OUTPUTS.items() if name not in left_out}
     if not (certainty.enabled and certainty.prediction_horizon > 0.0):
         offered.pop(PREDICTED, None)
-    if not with_boxes:
+    if not parameters.sensors.boxes:
         del offered[ARTEFACT_BOXES]
         offered.pop(PERCEIVED_BOXES, None)
     return offered

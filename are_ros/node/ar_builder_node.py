@@ -192,9 +192,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         subscriptions = self._inputs = Subscriptions(
             self, parameters.sensors, parameters.camera.others, self._store, self._say
         )
-        offered = offered_outputs(
-            parameters.certainty, Demand(octomap=True), with_boxes=parameters.sensors.boxes
-        )
+        offered = offered_outputs(parameters, Demand(octomap=True))
         publishers = self._outputs = Publishers(
             self,
             subscriptions.roles,

@@ -24,10 +24,10 @@ from are_ros.errors import AreError
 from are_ros.messages.common import read_header
 from are_ros.messages.maps import Points, encode_grid, read_voxels
 from are_ros.messages.sensors import SensorOutputs, encode_cloud
-from are_ros.messages.tick_encoding import OUTPUTS, OutputTopic, TickEncoder
+from are_ros.messages.tick_encoding import TickEncoder, offered_outputs
 from are_ros.messages.transforms import StampedTransform, encode_transforms_cdr
 from are_ros.parameters.choices import Region
-from are_ros.parameters.model import SensorsParameters
+from are_ros.parameters.model import Parameters
 from are_ros.replay.runner import Listener
 from are_ros.replay.scene_record import SceneRecorder
 from are_ros.wording import percent
@@ -35,8 +35,6 @@ from are_ros.world.cameras import CameraAt
 from are_ros.world.environment import Environment
 from are_ros.world.occupancy_grid import OccupancyGrid, distances_in_cells
 from are_ros.world.scan_matching import NEAR_M
-
-_WITHOUT_TRUTH: Final = SensorsParameters()
 
 
 # The outputs of the builder, under their live names.
@@ -47,15 +45,14 @@ class TickWriter(Listener):
         self,
         writer: BagWriter,
         roles: Mapping[str, str],
+        parameters: Parameters,
         demand: Demand = USUAL,
-        outputs: Mapping[str, OutputTopic] = OUTPUTS,
-        sensors: SensorsParameters = _WITHOUT_TRUTH,
     ) -> None:
         """Announce the output topics; `roles` are those of the input topics."""
         self._writer = writer
-        self._encoder = TickEncoder(demand, with_boxes=sensors.boxes)
-        self._sensors = SensorOutputs(roles, sensors)
-        for name, output in outputs.items():
+        self._encoder = TickEncoder(demand, with_boxes=parameters.sensors.boxes)
+        self._sensors = SensorOutputs(roles, parameters.sensors)
+        for name, output in offered_outputs(parameters, demand).items():
             writer.add_topic(
                 PREFIX + name, output.type_name, is_latched=output.is_latched, depth=output.depth
             )

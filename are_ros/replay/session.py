@@ -30,7 +30,7 @@ from are_ros.draw.scene import SceneRecord
 from are_ros.errors import BagError, FrameError, InputError, MapError
 from are_ros.messages.feed import Refusals
 from are_ros.messages.sensors import SENSORS
-from are_ros.messages.tick_encoding import SKIPPED, offered_outputs, skipped_parts
+from are_ros.messages.tick_encoding import SKIPPED, skipped_parts
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.choices import CameraModel, OnRobotContact
 from are_ros.parameters.declaration import with_values
@@ -279,13 +279,10 @@ def _open_writers(
     """Return the listeners that write the recording, and a callable with their counts."""
     if options.out is None:
         return (), dict
-    certainty, demand = options.parameters.certainty, options.demand
-    skipped = skipped_parts(demand)
+    skipped = skipped_parts(options.demand)
     notes = {SKIPPED: " ".join(skipped)} if skipped else None
     writer = stack.enter_context(BagWriter(options.out / AUGMENTED, notes=notes))
-    sensors = options.parameters.sensors
-    offered = offered_outputs(certainty, demand, with_boxes=sensors.boxes)
-    outputs = TickWriter(writer, replay.role_of_topic, demand, offered, sensors)
+    outputs = TickWriter(writer, replay.role_of_topic, options.parameters, options.demand)
     if not options.with_inputs:
         return (outputs,), writer.counts
     copy = InputCopy(reader, writer, replay.role_of_topic)

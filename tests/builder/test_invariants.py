@@ -31,6 +31,7 @@ from are_ros.checks.oracle.plane import (
 )
 from are_ros.errors import InputError
 from are_ros.messages.feed import Feed
+from are_ros.parameters.model import Parameters
 from are_ros.population.artefact import GroundPose
 from are_ros.replay.listeners import TickWriter
 from are_ros.world.occupancy_grid import OccupancyGrid
@@ -467,7 +468,7 @@ class Announced:
 def test_nothing_is_written_on_a_topic_of_the_robot(scans: tuple[str, ...]) -> None:
     """All outputs have names of their own, below /ar_builder."""
     writer: Any = Announced()
-    TickWriter(writer, dict.fromkeys(scans, "scan"))
+    TickWriter(writer, dict.fromkeys(scans, "scan"), Parameters())
     assert len(writer.topics) == len(set(writer.topics))
     assert all(topic.startswith("/ar_builder/") for topic in writer.topics)
 

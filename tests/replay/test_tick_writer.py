@@ -17,6 +17,7 @@ from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.builder.sensors.sensor_path import ReleasedReading
 from are_ros.builder.tick import USUAL, Demand, Tick
 from are_ros.messages.tick_encoding import OUTPUTS
+from are_ros.parameters.model import Parameters
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.meshes.shapes import Shape
@@ -61,7 +62,7 @@ def tick(now_ns: int, *artefacts: Artefact, **parts: Any) -> Tick:
 def written(path: Path, *ticks: Tick, demand: Demand = USUAL) -> list[tuple[str, int, Any]]:
     """Write ticks, and return what stands in the recording."""
     with BagWriter(path) as writer:
-        tick_writer = TickWriter(writer, {}, demand)
+        tick_writer = TickWriter(writer, {}, Parameters(), demand)
         for one in ticks:
             tick_writer.take_tick(one)
     with BagReader([path]) as reader:
@@ -112,7 +113,7 @@ def test_grids_are_written_when_there_are_some(tmp_path: Path) -> None:
 def test_all_topics_are_announced(tmp_path: Path) -> None:
     """Also those on which nothing is said, in their order, the scans at the end."""
     with BagWriter(tmp_path / "a.mcap") as writer:
-        TickWriter(writer, {"/base_scan": "scan", "/odom": "odom"})
+        TickWriter(writer, {"/base_scan": "scan", "/odom": "odom"}, Parameters())
         names = [topic.removeprefix(PREFIX) for topic in writer.counts()]
     assert names == [*OUTPUTS, "scan"]
 
@@ -124,7 +125,8 @@ def test_scans_are_written_when_they_were_released(tmp_path: Path) -> None:
         "laser", 40 * MS, 0.0, 0.1, 0.1, 0.0, 0.1, 0.1, 9.0, ranges, np.empty(0, np.float32)
     )
     with BagWriter(tmp_path / "a.mcap") as writer:
-        tick_writer = TickWriter(writer, {"/front/scan": "scan", "/rear/scan": "scan"})
+        roles = {"/front/scan": "scan", "/rear/scan": "scan"}
+        tick_writer = TickWriter(writer, roles, Parameters())
         tick_writer.take_readings([ReleasedReading("/rear/scan", scan, 70 * MS, is_augmented=True)])
     with BagReader([tmp_path / "a.mcap"]) as reader:
         (message,) = reader.messages()

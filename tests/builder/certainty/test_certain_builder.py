@@ -196,7 +196,7 @@ def test_a_farewell_and_a_jump_of_the_clock_forget_the_tracks() -> None:
 
 def test_paths_are_offered_only_where_there_are_some() -> None:
     """With certainty, and a horizon."""
-    assert "predicted" not in offered_outputs(Parameters().certainty)
-    assert "predicted" in offered_outputs(parameters_of("good").certainty)
+    assert "predicted" not in offered_outputs(Parameters())
+    assert "predicted" in offered_outputs(parameters_of("good"))
     none = parameters_of("good", {"certainty.prediction_horizon": 0.0})
-    assert "predicted" not in offered_outputs(none.certainty)
+    assert "predicted" not in offered_outputs(none)
