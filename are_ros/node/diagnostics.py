@@ -368,6 +368,19 @@ def _frames(snapshot: NodeSnapshot) -> list[Status]:
     ]
 
 
+FALLS_BEHIND: Final = "the node does not keep up with its clock"
+
+
+def load_doubt(snapshot: NodeSnapshot) -> str:
+    """Return a warning if ticks are left out again and again; else ""."""
+    if snapshot.ticks is None or snapshot.ticks.left_out == 0:
+        return ""
+    return (
+        f"{FALLS_BEHIND}: ticks are left out, and readings come late or without artefacts; fewer "
+        "artefacts or sensors, or a lower builder.tick_rate are less work (see /diagnostics)"
+    )
+
+
 def _ticks(snapshot: NodeSnapshot) -> Status:
     ticks = snapshot.ticks
     if ticks is None or ticks.age_s is None:
@@ -386,6 +399,9 @@ def _ticks(snapshot: NodeSnapshot) -> Status:
         message = f"the last tick was {ticks.age_s:.1f} s ago: the time stands still, or one hangs"
         return Status(Level.STALE, "ticks", message, values)
     durations = f"p50 {figure(ticks.p50_ms, 'ms')}, p99 {figure(ticks.p99_ms, 'ms')}"
+    if ticks.left_out > 0:
+        message = f"{ticks.left_out} were left out in the last minute: {FALLS_BEHIND}; {durations}"
+        return Status(Level.WARN, "ticks", message, values)
     if ticks.over > 1 and ticks.p99_ms is not None and ticks.p99_ms > 1e3 * ticks.period_s:
         message = f"ticks take longer than their period, {values['period']}: {durations}"
         return Status(Level.WARN, "ticks", message, values)
@@ -508,7 +524,7 @@ class Reporter:
         self._has_namesake, self._has_clocks = Lasting(_KILLED_S), Lasting(_KILLED_S)
         self._is_lost = Lasting(GRACE_S)
         self.doubts: tuple[str, ...] = ()
-        """Warnings for the log: about the clock, the node's name, and what does not come."""
+        """Warnings for the log: about clock, name and load, and what does not come."""
         self._without_robot = ""
         """What was wrong at first: the sentence changes with the time."""
 
@@ -549,7 +565,8 @@ class Reporter:
             self._without_robot = ""
         if self._is_lost.see(now_ns, holds=bool(doubt)):
             self._without_robot = self._without_robot or doubt
-        doubts = [clock_doubt(snapshot), name_doubt(snapshot), self._without_robot]
+        doubts = [clock_doubt(snapshot), name_doubt(snapshot), load_doubt(snapshot)]
+        doubts.append(self._without_robot)
         doubts += input_doubts(snapshot)
         self.doubts = tuple(doubt for doubt in doubts if doubt)
         name = self._node.get_fully_qualified_name().lstrip("/")

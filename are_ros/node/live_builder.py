@@ -326,7 +326,7 @@ class LiveBuilder:
         if self._schedule is None:
             rate_hz = self.builder.parameters.builder.tick_rate
             self._schedule = TickSchedule.of(rate_hz, until_ns)
-        self.watch.skipped(self._schedule.skip_to(until_ns, _BACKLOG_NS))
+        self.watch.skipped(monotonic_ns(), self._schedule.skip_to(until_ns, _BACKLOG_NS))
         while (tick_ns := self._schedule.pop(until_ns)) is not None:
             self._run_tick(tick_ns, until_ns - tick_ns)
 

@@ -19,6 +19,10 @@ LATELY_NS: Final = 10 * NS_PER_S
 _NS_PER_MS: Final = 1e6
 
 
+_SEVERAL: Final = 3
+"""A map that takes seconds to prepare costs ticks, too, but once."""
+
+
 @dataclass(frozen=True)
 class TickFigures:
     """The ticks at one moment: totals since the start, and durations over the last minute.
@@ -37,6 +41,8 @@ class TickFigures:
     max_ms: float | None = None
     over: int = 0
     """Those of the last minute that took longer than a period."""
+    left_out: int = 0
+    """Those skipped in the last minute, if some were at several times: the node falls behind."""
 
 
 class TickWatch:
@@ -49,6 +55,7 @@ class TickWatch:
         self.late_count = 0
         self._ended_ns: int | None = None
         self._durations: deque[tuple[int, int]] = deque()
+        self._skipped: deque[tuple[int, int]] = deque()
 
     def ran(self, now_ns: int, duration_ns: int, late_ns: int = 0) -> None:
         """Count a tick that has just ended; it began `late_ns` after its time."""
@@ -58,15 +65,19 @@ class TickWatch:
         self._durations.append((now_ns, duration_ns))
         self._forget_before(now_ns - MINUTE_NS)
 
-    def skipped(self, ticks: int = 1) -> None:
-        """Count skipped ticks."""
-        self.skipped_count += ticks
+    def skipped(self, now_ns: int, ticks: int) -> None:
+        """Count ticks that are skipped now, if any are."""
+        if ticks > 0:
+            self.skipped_count += ticks
+            self._skipped.append((now_ns, ticks))
+            self._forget_before(now_ns - MINUTE_NS)
 
     def figures(self, now_ns: int) -> TickFigures:
         """Return the figures at this moment."""
         self._forget_before(now_ns - MINUTE_NS)
         durations_ns = [duration_ns for _, duration_ns in self._durations]
         p50_ms = p99_ms = max_ms = None
+        is_behind = len(self._skipped) >= _SEVERAL
         if durations_ns:
             ranks_ns = np.percentile(durations_ns, (50, 99, 100), method="inverted_cdf")
             p50_ms, p99_ms, max_ms = (ranks_ns / _NS_PER_MS).tolist()
@@ -80,11 +91,13 @@ class TickWatch:
             p99_ms=p99_ms,
             max_ms=max_ms,
             over=sum(duration_ns > self.period_ns for duration_ns in durations_ns),
+            left_out=sum(ticks for _, ticks in self._skipped) if is_behind else 0,
         )
 
     def _forget_before(self, begin_ns: int) -> None:
-        while self._durations and self._durations[0][0] <= begin_ns:
-            self._durations.popleft()
+        for noted in (self._durations, self._skipped):
+            while noted and noted[0][0] <= begin_ns:
+                noted.popleft()
 
 
 # Blocking times of the node, by kind of work.

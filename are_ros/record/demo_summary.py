@@ -16,7 +16,7 @@ from are_ros.bag.decoded import (
     Scene,
 )
 from are_ros.bag.recording import PREFIX, Recording, find_recording
-from are_ros.conventions import OCCUPIED
+from are_ros.conventions import NS_PER_S, OCCUPIED
 from are_ros.replay.recorded_scene import grid_of
 from are_ros.wording import counted
 from are_ros.world.occupancy_grid import OccupancyGrid
@@ -29,6 +29,7 @@ _TOPICS: Final = ("artefacts", "perceived", "events", "artefact_map", *_COUNTED)
 class _Tally:
     alive: list[int] = field(default_factory=list)
     """How many artefacts there were, tick by tick."""
+    stamps_ns: list[int] = field(default_factory=list)
     labels: dict[int, str] = field(default_factory=dict)
     perceived: set[int] = field(default_factory=set)
     events: Counter[int] = field(default_factory=Counter)
@@ -43,6 +44,7 @@ class _Tally:
         self.messages[name] += 1
         if isinstance(value, Scene):
             self.alive.append(len(value.ids))
+            self.stamps_ns.append(value.stamp_ns)
             ids = value.ids.tolist()
             self.labels.update(zip(ids, value.classes, strict=True))
             places = zip(ids, value.ground_poses[:, :2].tolist(), strict=True)
@@ -66,15 +68,16 @@ class _Tally:
 def summary_of(path: Path) -> list[str]:
     """Return the lines; BagError where the file is no recording."""
     tally = _Tally()
-    with Recording(find_recording(path)) as recording:
+    files = find_recording(path)
+    with Recording(files) as recording:
         wanted = {PREFIX + name: name for name in _TOPICS}
         for message in recording.in_log_order(wanted):
             name = wanted[message.topic]
             tally.take(name, None if name in _COUNTED else recording.decode(message))
-    return list(_lines(tally))
+    return list(_lines(tally, files.effective().builder.tick_rate))
 
 
-def _lines(tally: _Tally) -> Iterator[str]:
+def _lines(tally: _Tally, rate_hz: float) -> Iterator[str]:
     events, alive = tally.events, tally.alive or [0]
     yield (
         f"artefacts    {events[ARRIVED]} arrived, {events[DEPARTED]} departed; "
@@ -91,8 +94,17 @@ def _lines(tally: _Tally) -> Iterator[str]:
         "(costmap.memory, costmap.gate)"
     )
     sent = tally.messages
-    yield f"ticks        {len(tally.alive)}"
+    yield f"ticks        {_ticks(tally.stamps_ns, rate_hz)}"
     yield (
         f"published    {counted(sent['augmented_map'], 'augmented map')}, "
         f"{counted(sent['scan'], 'augmented scan')}, {counted(sent['markers'], 'marker message')}"
     )
+
+
+def _ticks(stamps_ns: list[int], rate_hz: float) -> str:
+    """Return how many ticks there were, and of how many if the node has left some out."""
+    count = len(stamps_ns)
+    due = 1 + round((stamps_ns[-1] - stamps_ns[0]) / NS_PER_S * rate_hz) if count else 0
+    if count >= due:
+        return str(count)
+    return f"{count} of {due}: the node did not keep up with the recording"

@@ -11,6 +11,7 @@ import pytest
 
 from are_ros.bag.types import jazzy_typestore
 from are_ros.node.diagnostics import (
+    FALLS_BEHIND,
     Level,
     NodeSnapshot,
     NodeState,
@@ -19,6 +20,7 @@ from are_ros.node.diagnostics import (
     Status,
     encode_diagnostics,
     input_doubts,
+    load_doubt,
     robot_doubt,
     statuses,
 )
@@ -100,6 +102,14 @@ def test_a_required_input_that_never_came() -> None:
     level, message = of_input(replace(nothing, publishers=1, published_s=5.0), 8.0)
     assert level is Level.ERROR
     assert message == "no message for 8 s, though /map has 1 publisher; is its QoS compatible?"
+
+
+def test_the_log_says_that_the_node_falls_behind() -> None:
+    """In a sentence without numbers, so that it is logged once."""
+    assert load_doubt(replace(WELL, ticks=None)) == load_doubt(WELL) == ""
+    some, more = (load_doubt(replace(WELL, ticks=replace(SLOW, left_out=n))) for n in (1, 267))
+    assert some == more
+    assert some.startswith("the node does not keep up with its clock: ticks are left out")
 
 
 def test_the_log_names_the_required_inputs_that_never_came() -> None:
@@ -241,6 +251,12 @@ TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
         "ticks",
         Level.STALE,
         "the last tick was 1.2 s ago: the time stands still, or one hangs",
+    ),
+    (
+        {"ticks": replace(SLOW, left_out=267)},
+        "ticks",
+        Level.WARN,
+        f"267 were left out in the last minute: {FALLS_BEHIND}; p50 80.0 ms, p99 100.5 ms",
     ),
     (
         {"ticks": replace(SLOW, over=2)},

@@ -58,6 +58,18 @@ def test_those_over_a_period_are_counted_for_a_minute() -> None:
 def test_skipped_ticks_are_counted() -> None:
     """As many as there were."""
     watch = TickWatch(PERIOD_NS)
-    watch.skipped()
-    watch.skipped(41)
+    watch.skipped(0, 1)
+    watch.skipped(0, 0)
+    watch.skipped(0, 41)
     assert watch.figures(0).skipped == 42
+
+
+def test_ticks_are_left_out_where_some_are_skipped_at_several_times_of_a_minute() -> None:
+    """Once, or twice, is no load: a map that comes may take seconds. None at a time is no time."""
+    watch, seen = TickWatch(PERIOD_NS), list[int]()
+    for at_s, ticks in ((0, 40), (10, 5), (20, 0), (30, 7), (59, 1)):
+        watch.skipped(at_s * NS_PER_S, ticks)
+        seen.append(watch.figures(at_s * NS_PER_S).left_out)
+    assert seen == [0, 0, 0, 52, 53]
+    assert [watch.figures(at_s * NS_PER_S).left_out for at_s in (60, 69, 70)] == [13, 13, 0]
+    assert watch.figures(70 * NS_PER_S).skipped == 53

@@ -1,5 +1,6 @@
 """The few lines about a recording of the live node."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -80,6 +81,22 @@ def test_it_tells_what_the_memory_keeps(tmp_path: Path) -> None:
     ]
     lines = summary_of(write_messages(tmp_path / "live.mcap", records))
     assert lines[3].startswith("in the maps  2.0 on average, 1.0 of them out of sight")
+
+
+@pytest.mark.parametrize(
+    ("tenths", "said"), [(range(5), "5"), ((0, 1, 3, 4), "4 of 5"), ((0, 9, 20), "3 of 21")]
+)
+def test_it_tells_how_many_ticks_were_left_out(
+    tmp_path: Path, tenths: Sequence[int], said: str
+) -> None:
+    """By the stamps, at the rate of the parameters; here the default one."""
+    records = []
+    for tenth in tenths:
+        tick = artefacts(1)
+        tick.header.stamp.sec, tick.header.stamp.nanosec = tenth // 10, tenth % 10 * 10**8
+        records.append(("/ar_builder/artefacts", tenth / 10, tick))
+    line = summary_of(write_messages(tmp_path / "live.mcap", records))[4]
+    assert line.split(": the node did not keep up")[0] == f"ticks        {said}"
 
 
 def test_without_outputs_there_is_nothing_to_count(tmp_path: Path) -> None:

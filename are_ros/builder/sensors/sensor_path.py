@@ -20,7 +20,7 @@ from are_ros.errors import FrameError, InputError
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.transforms.tree import FrameTree
 
-CLOCKS_DIFFER: Final = "most often clocks differ"
+CLOCKS_DIFFER: Final = "clocks differ, or the node does not keep up"
 _WATCHED: Final = 50
 """The delays of transforms are kept for this many readings that did not wait long enough."""
 _RECENT_NS: Final = 10 * NS_PER_S
