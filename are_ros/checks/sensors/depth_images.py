@@ -269,6 +269,9 @@ _SLACK: Final = 1.5e-5
 """By such a share of its size a triangle may be met beside it: bodies are without cracks, for which
 their triangles overlap by a hundred thousandth."""
 
+_MOST_PAIRS: Final = 1_000_000
+"""Up to so many pairs of a ray and a triangle it is looked at all at once which may meet."""
+
 _ALIKE: Final = 1e-4
 """Depths on a slope that such rays meet differ by such a share."""
 
@@ -309,12 +312,32 @@ def nearest_depths(
         near = _within(flat, corners.reshape(-1, 3), slack)
         near = near[limits[near] >= _least_depth_m(rays, corners)]
         rays_near, depths_near = flat[near], depths[near]
-        for corner in corners if len(near) else ():
+        for corner in _those_near(rays_near, corners, slack):
             which = _within(rays_near, corner, slack)
             met = _met(rays_near[which], corner, slack)
             depths_near[which] = np.minimum(depths_near[which], met)
         depths[near] = depths_near
     return depths.reshape(rays.shape[:2])
+
+
+def _those_near(rays: Floats, corners: Floats, slack: float) -> Floats:
+    """Return the triangles (F, 3, 3) that any of the rays (N, 3) may meet, as `_within` does.
+
+    All where there are too many pairs to be looked at.
+    """
+    if len(rays) * len(corners) > _MOST_PAIRS or (rays[:, 2] != 1.0).any():
+        return corners
+    least_m = corners[:, :, 2].min(axis=1)
+    is_in_front = least_m > _NEAR_M
+    ahead = corners[is_in_front]
+    seen = ahead[:, :, :2] / ahead[:, :, 2:]
+    beside = 1e-6 + slack * np.ptp(ahead, axis=1).max(axis=1) / least_m[is_in_front]
+    low, high = seen.min(axis=1) - beside[:, None], seen.max(axis=1) + beside[:, None]
+    at = rays[:, None, :2]
+    is_near = ((at >= low) & (at <= high)).all(axis=2).any(axis=0)
+    kept = corners[:, :, 2].max(axis=1) > 0.0
+    kept[is_in_front] = is_near
+    return corners[kept]
 
 
 def _least_depth_m(rays: Floats, corners: Floats) -> float:
