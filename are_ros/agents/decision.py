@@ -415,7 +415,9 @@ class DecisionLayer:
             return self._navigation.result(request, prospect, 0, STAY)
         state, paces = request.state, request.state.repertoire.paces
         values = prospect.values[paces].ravel().tolist()
-        weights = boltzmann([1.0] * len(values), values, self._settings.temperature)
+        # at any pace to stay is the same action
+        prior = [float(at < _MOVES or at % _MOVES != STAY) for at in range(len(values))]
+        weights = boltzmann(prior, values, self._settings.temperature)
         pace, move = divmod(drawn(weights, state.policy_random.random()), _MOVES)
         pace += paces.indices(len(prospect.values))[0]
         becomes = slipped(move, state.slip, state.policy_random.random())

@@ -79,7 +79,7 @@ _LONGEST_GAP: Final = 2.5
 class RecordingFiles:
     """The files of a recording: readers open `path`; `files` hold the messages.
 
-    `parameters` is the effective.yaml beside it, None where there is none.
+    `parameters` is the effective.yaml beside it, None where there is none of this run.
     """
 
     path: Path
@@ -97,7 +97,7 @@ class RecordingFiles:
         if self.parameters is not None:
             return ""
         return (
-            f"; the defaults were taken, as no {PARAMETERS} lies beside the recording:"
+            f"; the defaults were taken, as no {PARAMETERS} of this run lies beside the recording:"
             f" `ros2 param dump /ar_builder > {PARAMETERS}` writes the node's parameters"
         )
 
@@ -120,7 +120,10 @@ def find_recording(path: Path) -> RecordingFiles:
     if path.suffix not in _SUFFIXES:
         raise BagError(f"{path}: it is no recording of ROS 2, whose files end in .mcap or .db3")
     is_replay = path.name == RECORDING and (path.parent / _METRICS).is_file()
-    return RecordingFiles(path, (path,), _parameters_in(path.parent), is_replay)
+    # beside augmented.mcap the parameters are those of that run
+    is_own = path.name == RECORDING or not (path.parent / RECORDING).is_file()
+    parameters = _parameters_in(path.parent) if is_own else None
+    return RecordingFiles(path, (path,), parameters, is_replay)
 
 
 def walls_of(recording: Path) -> str:

@@ -250,6 +250,8 @@ class SceneReader:
         self._give()
 
     def _take_event(self, event: Event) -> None:
+        if event.kind not in list(EventKind):
+            raise BagError(f"an event of artefact {event.artefact_id} is of no kind: {event.kind}")
         kind, texts = EventKind(event.kind), (event.label, event.detail)
         self._events.append(
             ArtefactEvent(event.stamp_ns, kind, event.artefact_id, *texts, event.value)

@@ -149,6 +149,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
         *_late_camera(options, replay, keeper),
         *_old_poses(options, keeper),
         *_upward_cameras(builder, timeline.image_frames),
+        *filter(None, [builder.sensors.doubt_about_depth]),
         *standing.sentences(),
     ]
     return Outcome(

@@ -137,7 +137,7 @@ class Following:
     def _behind(self, leader: Neighbour, situation: Situation) -> Intent:
         """Go to the point of the trail that is one gap behind the leader."""
         keep_m = GAP_M + leader.radius_m + situation.me.radius_m
-        goal_m = self._point_behind(leader, keep_m)
+        goal_m = self._point_behind(leader, keep_m, situation)
         apart_m = situation.distance_m(leader.point_m)
         if apart_m <= keep_m and not _is_in_the_way(leader, situation):
             return stand(_activity(leader, is_there=True), leader.point_m)
@@ -154,19 +154,17 @@ class Following:
             is_moving_goal=True,
         )
 
-    def _point_behind(self, leader: Neighbour, keep_m: float) -> Point:
-        """Return the point `keep_m` behind the leader, on its trail."""
+    def _point_behind(self, leader: Neighbour, keep_m: float, situation: Situation) -> Point:
+        """Return the point `keep_m` behind the leader, on its trail.
+
+        Without a trail of that length it is behind its motion. Of one that stands it is on this
+        side of it: it may turn on the spot, and would lead its followers round it.
+        """
         here_m = leader.point_m
         far = next((at for at in reversed(self._trail) if math.dist(at, here_m) >= keep_m), None)
-        if far is None:
-            heading_rad = leader.yaw_rad
-            if leader.speed_mps > _IS_STANDING_MPS:
-                heading_rad = math.atan2(leader.vy_mps, leader.vx_mps)
-            return (
-                leader.x_m - keep_m * math.cos(heading_rad),
-                leader.y_m - keep_m * math.sin(heading_rad),
-            )
-        return _on_line(here_m, far, keep_m)
+        if far is None and leader.speed_mps > _IS_STANDING_MPS:
+            far = leader.x_m - leader.vx_mps, leader.y_m - leader.vy_mps
+        return _on_line(here_m, far or situation.me.point_m, keep_m)
 
     def _along_trail(self, leader: Neighbour, situation: Situation) -> Intent:
         """Go to the newest visible point of the trail, else plan a way to the oldest."""

@@ -100,12 +100,13 @@ class Repertoire:
 
         `values` float64 (P, 5) are those of staying and of the four moves, at each speed of the
         journey; `rest` is what resting saves. Behaviours with goals of their own bring it no nearer
-        to its end, as resting does.
+        to its end, as resting does. Neither does one on a journey who gives way: it has no less for
+        it than if it did something else, and would change its mind whenever somebody is in the way.
         """
         rows = values.tolist()
-        at_pace, stays = [max(row) for row in rows], rows[0][0] + rest
-        value = max(*at_pace, stays)
-        return [(stays if pace is None else at_pace[pace]) - value for pace in self._paces]
+        stays = rows[0][0] + rest
+        at_pace = [max(*row, stays) for row in rows]
+        return [(stays if pace is None else at_pace[pace]) - max(at_pace) for pace in self._paces]
 
     @property
     def behaviour(self) -> Behaviour:

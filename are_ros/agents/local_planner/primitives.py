@@ -216,6 +216,7 @@ _SPEEDS = np.array([1.0, 0.75, 0.5, 0.25])
 _DEVIATION = 0.12  # of the square of the angle over a right angle
 _LEFT = 0.03  # people keep to the right
 _CHANGE = 0.08  # for turning away from what was chosen last
+_TURN = 0.24  # for turning where it cannot go on
 PLAIN_STOP = 0.02
 _NEAR = 0.15
 STOPS_WITHIN = 1.5
@@ -235,9 +236,13 @@ def set_option(
 
 
 @borrowing
-def add_braking(options: Floats, count: int, aim: PlanningGoal, cost: float) -> int:
-    """Write braking, with and without a turn towards what is wanted; return the next index."""
-    count = set_option(options, count, BRAKE, aim.heading, 0.0, cost, np.nan)
+def add_braking(options: Floats, count: int, aim: PlanningGoal, cost: float, turn: float) -> int:
+    """Write braking, with and without a turn towards what is wanted; return the next index.
+
+    `turn` is the angle of that turn, if it costs one that goes to its sub-goal anything.
+    """
+    cost_of_turn = _TURN * (1.0 - np.cos(turn)) if aim.kind == GOING else 0.0
+    count = set_option(options, count, BRAKE, aim.heading, 0.0, cost + cost_of_turn, np.nan)
     return set_option(options, count, BRAKE, np.nan, 0.0, cost + PLAIN_STOP, np.nan)
 
 
@@ -254,8 +259,8 @@ def gain_of(aim: PlanningGoal, delta: float, cosine: float, speed: float) -> flo
 
 
 @borrowing
-def walker_options(options: Floats, aim: PlanningGoal, memory: Any) -> int:
-    """Write the primitives of an agent that turns on the spot; return how many there are."""
+def walker_options(options: Floats, aim: PlanningGoal, memory: Any, yaw: float) -> int:
+    """Write the primitives of an agent at a yaw that turns on the spot; return how many."""
     ends = aim.ends
     is_near = aim.kind == GOING and not ends and aim.distance < STOPS_WITHIN
     count = 0
@@ -289,7 +294,9 @@ def walker_options(options: Floats, aim: PlanningGoal, memory: Any) -> int:
                 count = set_option(
                     options, count, HEADING, heading, speed, cost - gain, aim.heading
                 )
-    return add_braking(options, count, aim, aim.stop_cost)
+    # without a price one that cannot go on would turn to and fro: it sees a way past only after a
+    # turn, and none any more when it has turned
+    return add_braking(options, count, aim, aim.stop_cost, aim.heading - yaw)
 
 
 @borrowing

@@ -94,7 +94,7 @@ def propose(
     body, memory, options = agents.body[i], agents.memory[i], workspace.options
     planner = agents.command[i].planner
     if aim.speed <= 0.0:
-        return add_braking(options, 0, aim, 0.0)
+        return add_braking(options, 0, aim, 0.0, 0.0)
     is_held = planner == SOCIAL_FORCE and memory.blocked > FORCES_FAIL_AFTER
     if is_held or aim.kind == PUSHED or now < memory.swerves_until:
         planner = DYNAMIC_WINDOW
@@ -108,7 +108,7 @@ def propose(
         command = agents.command[i]
         return vehicle_options(options, aim, pose, body, command, memory, timing, may_back)
     if planner == DYNAMIC_WINDOW:
-        count = walker_options(options, aim, memory)
+        count = walker_options(options, aim, memory, pose[YAW])
     elif planner == PATH_FOLLOWING:
         count = _straight_on(options, aim, pose, backs_off)
     else:
@@ -142,7 +142,7 @@ def _straight_on(options: Floats, aim: PlanningGoal, pose: Floats, backs_off: bo
         if kind == HEADING and aim.kind == GOING and aim.distance < STOPS_WITHIN:
             cost += PLAIN_STOP  # to stop there, should there be no room to go on
             count = set_option(options, count, POINT, aim.heading, speed, cost, aim.heading)
-    return add_braking(options, count, aim, aim.stop_cost if backs_off else 1.0)
+    return add_braking(options, count, aim, aim.stop_cost if backs_off else 1.0, 0.0)
 
 
 @borrowing
@@ -306,4 +306,4 @@ def _by_force(options: Floats, aim: PlanningGoal, pose: Floats, ax: float, ay: f
         cost = first + _COSTS[n]
         count = set_option(options, count, HEADING, direction, share * speed, cost, direction)
     count = set_option(options, count, HEADING, aim.heading, slowest, _STRAIGHT, aim.heading)
-    return add_braking(options, count, aim, aim.stop_cost)
+    return add_braking(options, count, aim, aim.stop_cost, 0.0)

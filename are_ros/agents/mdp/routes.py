@@ -290,10 +290,10 @@ def leave_out(
 ) -> None:
     """Set to -inf, in (P, 5), the moves that a walker does not make among others.
 
-    These are to go back from where its way leads without them: it would turn on its heel, and
-    again once they have passed. Neither are moves that fail because somebody will be there: they
-    would only make it turn. `best_move`, the best one without them, is left then, and as good as to
-    stay without resting: the local planner may find a way past.
+    These are to go back from where its way leads without them, and to where its way is dearer: it
+    would turn on its heel, and again once they have passed. Neither are moves that fail because
+    somebody will be there: they would only make it turn. `best_move`, the best one without them, is
+    left then, and as good as to stay without resting: the local planner may find a way past.
     """
     numbers = np.empty((4, values.paces.shape[0], 4))
     moves = Moves(numbers[0], numbers[1], numbers[2], numbers[3], np.empty(4))
@@ -310,7 +310,9 @@ def leave_out(
             step_m = beside_m - anchors_m[at_row, at_col]
             along_m2 = step_m[0] * ahead_m[0] + step_m[1] * ahead_m[1]
             straight_m2 = np.hypot(step_m[0], step_m[1]) * np.hypot(ahead_m[0], ahead_m[1])
-            is_back = along_m2 < _BACK * straight_m2
+            r, c = state[0] + ROW_STEPS[direction], state[1] + COL_STEPS[direction]
+            is_dearer = values.costs[r, c] > values.costs[state[0], state[1]]
+            is_back = is_dearer or along_m2 < _BACK * straight_m2
         for pace in range(brings.shape[0]):
             is_blocked = is_open and moves.lengths[pace, direction] == 0
             if is_blocked and move == best_move:

@@ -148,6 +148,11 @@ class SensorAugmentation:
             topic: path.last_problem for topic, path in self._paths.items() if path.last_problem
         }
 
+    @property
+    def doubt_about_depth(self) -> str:
+        """See `Studio.doubt_about_depth`."""
+        return self._studio.doubt_about_depth
+
     def late_ns(self) -> dict[str, int]:
         """Return, by topic, how late the transforms were for which readings did not wait [ns]."""
         return {topic: path.late_ns for topic, path in self._paths.items()}

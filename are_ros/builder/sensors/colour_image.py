@@ -4,7 +4,7 @@
 moment.
 """
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -68,11 +68,12 @@ _MOST_PIXELS: Final = 1 << 26
 
 @dataclass(frozen=True, eq=False)
 class RawColour:
-    """The pixels of a raw image; InputError if its encoding is not painted on."""
+    """The pixels of a raw image."""
 
     image: Image
 
-    def __post_init__(self) -> None:
+    def check(self) -> None:
+        """Raise InputError if the encoding is not painted on."""
         encoding, width = self.image.encoding, self.image.width
         if encoding not in _PAINTED_ON:
             known = ", ".join(_PAINTED_ON)
@@ -81,7 +82,8 @@ class RawColour:
             raise InputError(f"encoding {encoding!r} needs an even width, but it is {width}")
 
     def rgb(self) -> Pixels:
-        """Return the pixels (H, W, 3), new."""
+        """Return the pixels (H, W, 3), new; InputError as `check`."""
+        self.check()
         stored, encoding = self.image.pixels(), self.image.encoding
         if encoding not in _ORDERS:
             import cv2
@@ -155,6 +157,10 @@ class CompressedColour:
     """A JPEG or PNG of 8 bits; it is decompressed when an artefact may be in it."""
 
     image: CompressedImage
+
+    def check(self) -> None:
+        """Raise InputError if the data are no picture that is painted on, by their beginning."""
+        self._header()
 
     def rgb(self) -> Pixels:
         """Return the pixels (H, W, 3), new; InputError if they cannot be decompressed."""
@@ -283,6 +289,9 @@ _KEPT: Final = 30
 """So many depth images are kept for the images that come later."""
 _SAME_NS: Final = 5_000_000
 """A depth image and an image whose stamps differ by at most this are of the same time."""
+_OTHER_FRAME: Final = "they are in another frame"
+_FEW: Final = 0.1
+"""A smaller share of images without a depth image is no cause for a warning."""
 _FAR_M: Final = 1e4
 
 
@@ -296,6 +305,7 @@ class Studio:
         """Whether there may be depth images, though none has come yet."""
         self._painters: dict[int, tuple[Lens, Painter]] = {}
         self._depths: deque[DepthImage] = deque(maxlen=_KEPT)
+        self._paired, self._alone = 0, Counter[str]()
 
     @property
     def lighting(self) -> Lighting:
@@ -326,6 +336,24 @@ class Studio:
     def keep_depth(self, depth: DepthImage) -> None:
         """Keep a depth image, as it was received, for the image of its time."""
         self._depths.append(depth)
+
+    @property
+    def doubt_about_depth(self) -> str:
+        """A sentence, if depth images came, and many images found none that goes with them.
+
+        Empty if another camera's did: this one may have no depth camera beside it.
+        """
+        alone = self._alone.copy()
+        if self._paired:
+            del alone[_OTHER_FRAME]
+        count, painted = alone.total(), alone.total() + self._paired
+        if count <= _FEW * painted:
+            return ""
+        reason, _ = alone.most_common(1)[0]
+        return (
+            f"{count} of {painted} images with artefacts had no depth image that goes with them"
+            f" ({reason}): there only what is in the map hides artefacts"
+        )
 
     def reseed(self, seed: int) -> None:
         """Draw noise and the looks of later artefacts from another seed."""
@@ -363,6 +391,9 @@ class Studio:
         ranges = np.full((view.height, view.width), np.nan, dtype=np.float32)
         depth = self._depth_of(image, view.height, view.width)
         self.expects_depth = False
+        self._paired += depth is not None
+        if depth is None and self._depths:
+            self._alone[self._why_alone(image)] += 1
         if depth is not None:
             depths_m = depth.pixels.code.depths_m(depth.pixels.stored())
             np.multiply(np.maximum(depths_m, 0.0), lens.lengths, out=ranges, casting="same_kind")
@@ -392,6 +423,15 @@ class Studio:
             if depth.pixels.shape == (height, width):
                 return depth
         return None
+
+    def _why_alone(self, image: Reading) -> str:
+        """Return why none of the depth images goes with an image."""
+        stamps = [one.stamp_ns for one in self._depths if one.frame_id == image.frame_id]
+        if not stamps:
+            return _OTHER_FRAME
+        if min(abs(stamp_ns - image.stamp_ns) for stamp_ns in stamps) > _SAME_NS:
+            return "they are more than 5 ms apart"
+        return "their sizes differ"
 
 
 @dataclass(frozen=True, eq=False)
@@ -436,12 +476,13 @@ class ColourImage:
 
         What is really there is told, pixel by pixel, by the depth image of the same time and place,
         else by the surface of the environment. If no artefact is visible, the pixels stay as they
-        are. Raises InputError if the lens is not known or of another size, or the image cannot be
-        decompressed.
+        are. Raises InputError if the lens is not known or of another size, or the image is not one
+        that is painted on.
         """
         lens, studio, scene = known_lens(self.lens), obstacles.studio, obstacles.scene
         if not isinstance(studio, Studio) or scene is None:
             return self
+        self.pixels.check()
         which = lens.tiles_towards(map_from_sensor, _with_shadows(obstacles.boxes))
         if not len(which):
             return self.with_nobody(map_from_sensor)

@@ -36,6 +36,7 @@ from are_ros.bag.stretches import (
     stretches_of,
     wait_sentence,
 )
+from are_ros.builder.sensors.colour_image import ColourImage
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError
@@ -455,7 +456,9 @@ def _first_readings(reader: BagReader, sensors: Mapping[str, str]) -> dict[str, 
     for topic, kind in sensor_topics(sensors).items():
         if (first := reader.first(topic)) is not None:
             try:
-                readings[topic] = kind.read(reader.deserialize(first), topic)
+                readings[topic] = reading = kind.read(reader.deserialize(first), topic)
+                if isinstance(reading, ColourImage):
+                    reading.pixels.check()
             except AreError as cause:
                 readings[topic] = cause
     return readings
@@ -465,7 +468,8 @@ def _missing_readings(readings: Mapping[str, Any], sensors: Mapping[str, str]) -
     """Say which sensors' first reading is of no use, as that of an unknown encoding."""
     for topic, reading in readings.items():
         if isinstance(reading, AreError):
-            yield f"the first {noun_of(sensors[topic])} is of no use: {reading}"
+            why = str(reading).removeprefix(f"{topic}: ")
+            yield f"the first {noun_of(sensors[topic])} is of no use: {topic}: {why}"
 
 
 def _misfits(readings: Mapping[str, Any]) -> Iterable[str]:

@@ -3,6 +3,8 @@
 import math
 from itertools import pairwise
 
+import pytest
+
 from are_ros.agents.behaviours.following import Following
 from are_ros.agents.behaviours.situation import Intent, Neighbour, Point
 from are_ros.agents.behaviours.walking import Walking
@@ -58,6 +60,18 @@ def test_it_waits_behind_a_leader_that_stops() -> None:
     intent = led_by(follower, leader, 1.0)
     assert (intent.goal_m, intent.face_m) == (None, leader.point_m)
     assert intent.activity == "waiting behind artefact 1"
+
+
+def test_it_does_not_walk_round_a_leader_that_turns_on_the_spot() -> None:
+    """What is behind the leader is on this side of it, wherever it looks."""
+    follower = Actor(9, Following(), (-4.0, 0.0))
+    led_by(follower, fellow_at((0.0, 0.0), velocity_mps=(0.5, 0.0)))
+    for yaw_rad in (0.0, 2.0, -2.0):
+        leader = fellow_at((0.2, 0.0))._replace(yaw_rad=yaw_rad)
+        goal_m = led_by(follower, leader, 1.0).goal_m
+        assert goal_m is not None
+        assert math.dist(goal_m, leader.point_m) == pytest.approx(KEEP_M)
+        assert goal_m[0] < -1.0
 
 
 def test_it_makes_way_for_a_leader_that_comes_towards_it() -> None:

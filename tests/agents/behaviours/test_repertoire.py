@@ -83,6 +83,13 @@ def test_those_who_travel_share_a_journey_and_its_table() -> None:
     assert told == pytest.approx(expected)
 
 
+def test_who_gives_way_has_no_reason_to_do_something_else() -> None:
+    """Where the best is to stay, that is as good as what the others do; -inf is not done at all."""
+    found, moves = repertoire(TRAVELS, "walking"), [-0.9, -np.inf, -0.8, -np.inf]
+    values = np.array([[-0.5, *moves], [-0.5, *moves]])
+    assert found.advantages(values, 0.2) == [0.0] * 4
+
+
 def test_bounds_of_rewards_hold_whatever_is_around() -> None:
     """Of those that look around; the others are asked at once, as are classes of a user."""
 

@@ -226,6 +226,7 @@ def test_a_walker_neither_goes_back_for_others_nor_turns_into_them(seed: int) ->
                 step_m = coarse.anchors_m[row + rows, col + cols] - here_m
                 turn = math.atan2(*step_m[::-1]) - math.atan2(*ahead_m[0, ::-1])
                 is_back = abs(math.remainder(turn, math.tau)) > math.radians(120.0)
+                is_back |= bool(table.costs[row + rows, col + cols] > table.costs[row, col])
             if fails and move == best_move:
                 assert brings[pace, move] == before[0, 0] - 0.09
             elif fails or is_back:

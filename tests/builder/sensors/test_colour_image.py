@@ -2,6 +2,7 @@
 
 import io
 import struct
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -174,7 +175,7 @@ def test_a_shadow_makes_no_luma_greater() -> None:
 def test_yuv_of_an_odd_width_is_refused() -> None:
     """There is a pair that is cut through."""
     with pytest.raises(InputError, match="'uyvy' needs an even width, but it is 3"):
-        RawColour(Image("eye", 1, "uyvy", 0, 3, np.zeros((2, 6), np.uint8)))
+        RawColour(Image("eye", 1, "uyvy", 0, 3, np.zeros((2, 6), np.uint8))).check()
 
 
 @pytest.mark.parametrize("suffix", [".jpg", ".png"])
@@ -235,6 +236,43 @@ def test_only_the_depth_image_of_the_same_time_and_frame_hides(
     obstacles.studio.keep_depth(DepthImage(RawDepth(image)))
     raw = RawColour(grey("rgb8"))
     assert (painted(raw, obstacles).pixels is raw) == is_hidden
+
+
+@pytest.mark.parametrize(
+    ("frame", "stamp_ns", "rows", "reason"),
+    [
+        ("eye", 100, HEIGHT, ""),
+        ("nose", 100, HEIGHT, "they are in another frame"),
+        ("eye", 20_000_000, HEIGHT, "they are more than 5 ms apart"),
+        ("eye", 100, HEIGHT - 1, "their sizes differ"),
+    ],
+)
+def test_it_is_said_why_depth_images_hide_nothing(
+    obstacles: Obstacles, frame: str, stamp_ns: int, rows: int, reason: str
+) -> None:
+    """Of two images; where there is no depth image at all, nothing is to be said."""
+    assert isinstance(obstacles.studio, Studio)
+    painted(RawColour(grey("rgb8")), obstacles)
+    assert obstacles.studio.doubt_about_depth == ""
+    image = Image(frame, stamp_ns, "16UC1", 0, WIDTH, depths(900)[:rows])
+    obstacles.studio.keep_depth(DepthImage(RawDepth(image)))
+    for _ in range(2):
+        painted(RawColour(grey("rgb8")), obstacles)
+    said = obstacles.studio.doubt_about_depth
+    assert said.startswith("2 of 2 images with artefacts had no depth image" if reason else "")
+    assert f"({reason})" in said or not reason
+    assert bool(said) == bool(reason)
+
+
+def test_another_camera_without_a_depth_camera_is_no_cause_for_doubt(obstacles: Obstacles) -> None:
+    """One has its own, and in the frame of the other there is none."""
+    assert isinstance(obstacles.studio, Studio)
+    image = Image("eye", 100, "16UC1", 0, WIDTH, depths(900))
+    obstacles.studio.keep_depth(DepthImage(RawDepth(image)))
+    other = replace(grey("rgb8"), frame_id="nose")
+    for pixels in (other, other, grey("rgb8"), other):
+        painted(RawColour(pixels), obstacles)
+    assert obstacles.studio.doubt_about_depth == ""
 
 
 def test_an_image_waits_for_its_depth_image_if_there_are_such() -> None:
@@ -316,10 +354,14 @@ def test_a_jpeg_of_cmyk_is_refused(obstacles: Obstacles) -> None:
         (Image("eye", 1, "16UC1", 0, 2, np.zeros((4, 4), np.uint8)), "'16UC1' is not painted on"),
     ],
 )
-def test_an_encoding_that_is_not_painted_on_is_refused(image: Image, reason: str) -> None:
-    """With those that are."""
+def test_an_encoding_that_is_not_painted_on_is_refused(
+    image: Image, reason: str, obstacles: Obstacles
+) -> None:
+    """With those that are; but not before: the image is to pass unchanged."""
     with pytest.raises(InputError, match=reason):
-        RawColour(image)
+        painted(RawColour(image), obstacles)
+    with pytest.raises(InputError, match=reason):
+        RawColour(image).rgb()
 
 
 def test_what_cannot_be_painted_is_refused_in_a_sentence(obstacles: Obstacles) -> None:
