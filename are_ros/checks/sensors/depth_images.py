@@ -337,7 +337,8 @@ def _those_near(rays: Floats, corners: Floats, slack: float) -> Floats:
     is_near = ((at >= low) & (at <= high)).all(axis=2).any(axis=0)
     kept = corners[:, :, 2].max(axis=1) > 0.0
     kept[is_in_front] = is_near
-    return corners[kept]
+    found: Floats = corners[kept]
+    return found
 
 
 def _least_depth_m(rays: Floats, corners: Floats) -> float:
