@@ -2,6 +2,7 @@
 
 import struct
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from are_ros.bag.recording import (
     LiveTicks,
     RecordedMessage,
     Runs,
+    find_recording,
     part_farewells,
     runs_of,
     stamp_of,
@@ -129,3 +131,13 @@ def test_ticks_end_where_an_output_of_ticks_jumps_back() -> None:
 def test_without_ticks_nothing_comes_before() -> None:
     """The messages are then at their own stamps."""
     assert LiveTicks.of([]).before(5) is None
+
+
+def test_the_parameters_of_another_run_in_the_folder_are_not_taken(tmp_path: Path) -> None:
+    """Beside augmented.mcap they are those of that run; alone with a recording they are its own."""
+    (tmp_path / "live.mcap").touch()
+    (tmp_path / "effective.yaml").touch()
+    assert find_recording(tmp_path / "live.mcap").parameters == tmp_path / "effective.yaml"
+    (tmp_path / "augmented.mcap").touch()
+    assert find_recording(tmp_path / "live.mcap").parameters is None
+    assert find_recording(tmp_path).parameters == tmp_path / "effective.yaml"
