@@ -1,6 +1,7 @@
 """Scenes: narrow places, streams, knots, vehicles, crowds; all is inspected at each sub-step."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -328,6 +329,24 @@ def test_a_follower_waits_behind_one_that_stands_and_goes_around() -> None:
     street.add(2, 6.0, 3.0, 0.0, PALLET)
     street.send(1, 10.5, 3.0)
     assert street.run_until_there(15.0) < 10.0
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, 2.0])
+@pytest.mark.parametrize("y_m", [0.95, 1.15, 1.35])
+def test_nobody_paces_to_and_fro_in_front_of_what_closes_the_way(
+    y_m: float, yaw_rad: float
+) -> None:
+    """A pallet across a corridor: a turn away and a detour, not a round each four seconds."""
+    street = Street(corridor(1.3, 14.0))
+    street.add(0, 4.0, y_m, yaw_rad)
+    street.add(1, 5.2, 1.15, 0.5 * math.pi, PALLET)
+    street.send(0, 12.0, 1.15)
+    yaws_rad = []
+    for _ in range(round(12.0 / STEP_S)):
+        street.step()
+        yaws_rad.append(float(street.pose(0)[2]))
+    turned_rad = sum(abs(math.remainder(b - a, math.tau)) for a, b in pairwise(yaws_rad))
+    assert turned_rad < 2.0 * math.tau
 
 
 def test_a_wide_barrier_is_walked_around() -> None:
