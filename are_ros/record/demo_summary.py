@@ -102,9 +102,12 @@ def _lines(tally: _Tally, rate_hz: float) -> Iterator[str]:
 
 
 def _ticks(stamps_ns: list[int], rate_hz: float) -> str:
-    """Return how many ticks there were, and of how many if the node has left some out."""
+    """Return how many ticks there were, and of how many if more than a second of them lacks.
+
+    The first and the last may come out of step; a node that falls behind leaves out seconds.
+    """
     count = len(stamps_ns)
     due = 1 + round((stamps_ns[-1] - stamps_ns[0]) / NS_PER_S * rate_hz) if count else 0
-    if count >= due:
+    if count + rate_hz >= due:
         return str(count)
     return f"{count} of {due}: the node did not keep up with the recording"
