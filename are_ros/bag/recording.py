@@ -120,7 +120,7 @@ def find_recording(path: Path) -> RecordingFiles:
     if path.suffix not in _SUFFIXES:
         raise BagError(f"{path}: it is no recording of ROS 2, whose files end in .mcap or .db3")
     is_replay = path.name == RECORDING and (path.parent / _METRICS).is_file()
-    # beside augmented.mcap the parameters are those of that run
+    # an effective.yaml beside augmented.mcap is that run's
     is_own = path.name == RECORDING or not (path.parent / RECORDING).is_file()
     parameters = _parameters_in(path.parent) if is_own else None
     return RecordingFiles(path, (path,), parameters, is_replay)

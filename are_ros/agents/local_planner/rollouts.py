@@ -257,7 +257,7 @@ _PASSES_S = 0.7
 """A slower agent passes a sub-goal only nearer than what it goes in this time [s]."""
 _STANDS = 1e-6
 _IMPATIENCE = 0.25
-_MOST_IMPATIENT, _OF_WALKERS = 1.5, 0.08
+_MOST_IMPATIENT, _MOST_OF_WALKERS = 1.5, 0.08
 BACKS_OFF_AFTER = 3.0
 """An agent that has been blocked for so long [s] may go back, and, if it is pushed, turn its back
 on its sub-goal."""
@@ -337,7 +337,7 @@ def aim_of(agents: AgentArrays, i: int, pose: Floats, now: int, second: int) -> 
     if kind == FACING:
         return PlanningGoal(FACING, command.face, 0.0, 0.0, 0.0, 0.0, False, np.nan)
     # a walker would pace to and fro in front of what is in its way; it makes detours instead
-    most = _MOST_IMPATIENT if body.turn_radius > 0.0 else _OF_WALKERS
+    most = _MOST_IMPATIENT if body.turn_radius > 0.0 else _MOST_OF_WALKERS
     stop_cost = 1.0 + min(_IMPATIENCE * memory.blocked, most)
     if kind == COASTING:
         return PlanningGoal(COASTING, pose[YAW], np.inf, speed, stop_cost, 0.0, False, np.nan)
