@@ -319,14 +319,13 @@ def inspect_command(
     static_transforms: Sequence[str],
 ) -> None:
     """Run `are inspect`."""
-    given = [(parent, child) for parent, child, _ in parse_static_transforms(static_transforms)]
     with BagReader([recording_in(bag) for bag in bags]) as reader:
         inspection = inspect_bag(
             reader,
             read_overrides(topics),
             map_frame=map_frame,
             has_map_file=map_file is not None,
-            given_edges=given,
+            static_transforms=static_transforms,
             sensors=sensors_of(topics),
         )
     for line in inspection_lines(inspection, map_file):

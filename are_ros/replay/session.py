@@ -27,7 +27,7 @@ from are_ros.builder.sensors.sensor_path import SensorPathCounts
 from are_ros.builder.warm_up import WarmUpNeeds, warm_up
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import SceneRecord
-from are_ros.errors import BagError, FrameError, InputError, MapError
+from are_ros.errors import BagError, InputError, MapError
 from are_ros.messages.feed import Refusals
 from are_ros.messages.sensors import SENSORS
 from are_ros.messages.tick_encoding import SKIPPED, skipped_parts
@@ -43,7 +43,7 @@ from are_ros.replay.progress import KernelBar, OpenProgress, Say, Stopwatch, sai
 from are_ros.replay.results import REPLAY_PHASE
 from are_ros.replay.runner import Listener, Replay
 from are_ros.replay.scene_record import SceneRecorder
-from are_ros.replay.survey.frame_survey import root_above, static_tf_option
+from are_ros.replay.survey.frame_survey import root_above, static_tf_option, upward_cameras
 from are_ros.replay.survey.recorded_pose import option_of_poses
 from are_ros.replay.timeline import (
     LATE_INPUT_NS,
@@ -55,19 +55,11 @@ from are_ros.replay.timeline import (
 from are_ros.wording import listed
 from are_ros.world.map_io import doubt_about_unknown, read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_files.octomap import read_voxel_file
 from are_ros.world.voxel_map import VoxelMap
 
 _PREPARING: Final = "preparing the kernels (a minute or two the first time)"
 _TRANSFORM_ROLES: Final = ("tf", "tf_static", "odom")
-
-_UPWARDS: Final = 0.8
-"""The z component of a look to the ceiling; bodies of cameras are tilted by some degrees."""
-_LINK_FROM_OPTICAL: Final = RigidTransform.from_xyz_ypr(
-    0.0, 0.0, 0.0, -0.5 * math.pi, 0.0, -0.5 * math.pi
-)
-"""The usual joint from a camera's body (x ahead, z up) to its optical frame."""
 
 Cloud = tuple[npt.NDArray[np.floating], float | None]
 """Points (N, 3) [m], and the size [m] of the voxels whose centres they are, if known."""
@@ -144,11 +136,12 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
             say(f"it is of the catalogue {catalogue_file}: replay it with --set catalogue:=FILE")
     for notice in [*builder.notices, *builder.frames.drain_notices()]:
         say(notice)
+    camera_frames = timeline.image_frames | {builder.camera.frame_id if builder.camera else ""}
     doubts = [
         *_late_map(replay, keeper),
         *_late_camera(options, replay, keeper),
         *_old_poses(options, keeper),
-        *_upward_cameras(builder, timeline.image_frames),
+        *upward_cameras(builder.frames, builder.robots.base_frame(), camera_frames),
         *filter(None, [builder.sensors.doubt_about_depth]),
         *standing.sentences(),
     ]
@@ -449,37 +442,6 @@ def _old_poses(options: ReplayOptions, keeper: RecordKeeper) -> list[str]:
         f"{keeper.old_ticks} of {keeper.ticks} ticks, so that nothing was perceived in these"
     )
     return [f"{said}: --set frames.max_age:={needed_s:g} takes poses as old as they came"]
-
-
-def _upward_cameras(builder: ArBuilder, image_frames: Collection[str]) -> list[str]:
-    """Return a sentence for each camera that looks up to the ceiling.
-
-    Few do: mostly the frame is that of the body, whose x axis is the look (REP 103).
-    """
-    frames = {*image_frames, builder.camera.frame_id if builder.camera else ""} - {""}
-    parents = {edge.child: edge.parent for edge in builder.frames.edges()}
-    doubts = []
-    for frame in sorted(frames & parents.keys()):
-        if _pose_in(builder, builder.robots.base_frame(), frame)[2, 2] > _UPWARDS:
-            pose = _pose_in(builder, parents[frame], frame) @ _LINK_FROM_OPTICAL.matrix()
-            x_m, y_m, z_m = pose[:3, 3]
-            yaw, roll = np.arctan2(pose[1, 0], pose[0, 0]), np.arctan2(pose[2, 1], pose[2, 2])
-            pitch = np.arctan2(-pose[2, 0], np.hypot(pose[0, 0], pose[1, 0]))
-            # zeros are added so that there is no -0
-            numbers = " ".join(f"{v.round(4) + 0.0:g}" for v in (x_m, y_m, z_m, yaw, pitch, roll))
-            doubts.append(
-                f"the camera in {frame} looks up to the ceiling, as the z axis of its frame does;"
-                f' if the x axis is the look, give --static-tf "{numbers} {parents[frame]} {frame}"'
-            )
-    return doubts
-
-
-def _pose_in(builder: ArBuilder, parent: str, child: str) -> npt.NDArray[np.float64]:
-    """Return the newest pose of a frame in another as a matrix (4, 4), NaN where not known."""
-    try:
-        return builder.frames.lookup_latest(parent, child).matrix()
-    except FrameError:
-        return np.full((4, 4), np.nan)
 
 
 def _camera_topic(replay: Replay) -> str:

@@ -365,6 +365,8 @@ def test_a_camera_in_the_frame_of_its_body_is_told_with_its_remedy(
     assert line.startswith("the camera in camera_link looks up to the ceiling")
     option = line.partition('give --static-tf "')[2].removesuffix('"')
     assert option.endswith(" base_link camera_link")
+    assert line in run_are("inspect", bag).stdout
+    assert "ceiling" not in run_are("inspect", bag, "--static-tf", option).stdout
     assert perceived(bag, "--static-tf", option) == (plain, [])
 
 

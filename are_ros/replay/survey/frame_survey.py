@@ -1,15 +1,21 @@
 """The frames of a recording as a tree, with oddities in sentences."""
 
+import math
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+import numpy.typing as npt
+
 from are_ros.conventions import NS_PER_S
+from are_ros.errors import FrameError
 from are_ros.messages.transforms import StampedTransform
 from are_ros.wording import counted, listed
-from are_ros.world.rigid_transform import why_invalid
+from are_ros.world.rigid_transform import RigidTransform, why_invalid
 from are_ros.world.transforms.table import TransformSource
+from are_ros.world.transforms.tree import FrameTree
 
 _SOURCE_NAMES: Final = {
     TransformSource.ODOMETRY: "odometry",
@@ -18,6 +24,12 @@ _SOURCE_NAMES: Final = {
 }
 _AHEAD_NS = NS_PER_S // 10
 """Stamps later than the recording by more than this are reported."""
+_UPWARDS: Final = 0.8
+"""The z component of a look to the ceiling; bodies of cameras are tilted by some degrees."""
+_LINK_FROM_OPTICAL: Final = RigidTransform.from_xyz_ypr(
+    0.0, 0.0, 0.0, -0.5 * math.pi, 0.0, -0.5 * math.pi
+)
+"""The usual joint from a camera's body (x ahead, z up) to its optical frame."""
 
 
 @dataclass
@@ -200,6 +212,36 @@ def root_above(frame: str, parents: Mapping[str, str]) -> str:
 def static_tf_option(parent: str, child: str) -> str:
     """Return the option that joins two frames, with words in place of the numbers."""
     return f'--static-tf "X Y Z YAW PITCH ROLL {parent} {child}"'
+
+
+def upward_cameras(frames: FrameTree, base_frame: str, camera_frames: Iterable[str]) -> list[str]:
+    """Return a sentence for each frame of a camera that looks up to the ceiling.
+
+    Few do: mostly the frame is that of the body, whose x axis is the look (REP 103).
+    """
+    parents = {edge.child: edge.parent for edge in frames.edges()}
+    doubts = []
+    for frame in sorted(set(camera_frames) & parents.keys()):
+        if _pose_in(frames, base_frame, frame)[2, 2] > _UPWARDS:
+            pose = _pose_in(frames, parents[frame], frame) @ _LINK_FROM_OPTICAL.matrix()
+            x_m, y_m, z_m = pose[:3, 3]
+            yaw, roll = np.arctan2(pose[1, 0], pose[0, 0]), np.arctan2(pose[2, 1], pose[2, 2])
+            pitch = np.arctan2(-pose[2, 0], np.hypot(pose[0, 0], pose[1, 0]))
+            # zeros are added so that there is no -0
+            numbers = " ".join(f"{v.round(4) + 0.0:g}" for v in (x_m, y_m, z_m, yaw, pitch, roll))
+            doubts.append(
+                f"the camera in {frame} looks up to the ceiling, as the z axis of its frame does;"
+                f' if the x axis is the look, give --static-tf "{numbers} {parents[frame]} {frame}"'
+            )
+    return doubts
+
+
+def _pose_in(frames: FrameTree, parent: str, child: str) -> npt.NDArray[np.float64]:
+    """Return the newest pose of a frame in another as a matrix (4, 4), NaN where not known."""
+    try:
+        return frames.lookup_latest(parent, child).matrix()
+    except FrameError:
+        return np.full((4, 4), np.nan)
 
 
 def _said_of(key: tuple[str, str, str], count: int, reason: str) -> str:

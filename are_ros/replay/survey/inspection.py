@@ -36,6 +36,7 @@ from are_ros.bag.stretches import (
     stretches_of,
     wait_sentence,
 )
+from are_ros.builder.assembly import parse_static_transforms
 from are_ros.builder.sensors.colour_image import ColourImage
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.conventions import NS_PER_S
@@ -44,8 +45,16 @@ from are_ros.messages.images.image import read_camera_info
 from are_ros.messages.maps import read_grid
 from are_ros.messages.sensors import SENSORS, lens_topics, noun_of, sensor_topics
 from are_ros.messages.transforms import StampedTransform
-from are_ros.parameters.model import PosesParameters
-from are_ros.replay.survey.frame_survey import FrameSurvey, FrameSurveyor, hertz, static_tf_option
+from are_ros.parameters.declaration import with_values
+from are_ros.parameters.model import Parameters, PosesParameters
+from are_ros.replay.recorded_frames import RecordedFrames
+from are_ros.replay.survey.frame_survey import (
+    FrameSurvey,
+    FrameSurveyor,
+    hertz,
+    static_tf_option,
+    upward_cameras,
+)
 from are_ros.replay.survey.recorded_pose import option_of_poses
 from are_ros.replay.timeline import LATE_INPUT_NS, WITHOUT_CAMERA_INFO
 from are_ros.wording import aligned, counted, listed, section, several
@@ -102,26 +111,27 @@ def inspect_bag(
     *,
     map_frame: str = "map",
     has_map_file: bool = False,
-    given_edges: Iterable[tuple[str, str]] = (),
+    static_transforms: Sequence[str] = (),
     sensors: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> Inspection:
     """Look through an open recording: all its transforms, and one message of each useful topic.
 
-    `overrides` are the user's topics by role, `given_edges` the (parent, child) of the transforms
-    that come by parameter or option, `sensors` all topics of each sensor's role; `map_frame` is
-    that of the parameters. BagError as `find_roles` and the reader.
+    `overrides` are the user's topics by role, `static_transforms` those that come by parameter or
+    option, `sensors` all topics of each sensor's role; `map_frame` is that of the parameters.
+    BagError as `find_roles` and the reader, ParameterError as `parse_static_transforms`.
     """
     roles = find_roles(reader.topics, overrides or {})
     named = {topic: role for role, topics in sensors.items() for topic in topics}
     for topic, role in named.items():
         find_roles(reader.topics, {role: topic})  # refuses what is of another type
-    given_edges = tuple(given_edges)
+    given_edges = [(p, c) for p, c, _ in parse_static_transforms(static_transforms)]
     reader.expect(types_of(roles.by_topic(ROLE_TYPES) | named))
     frame_ids = _first_frames(reader)
     times = RecordedTimes.read(reader, _timed(reader, roles, named), reader.start_ns, reader.end_ns)
     clock, trouble = _clock(times)
     stretches = stretches_of(times, clock, reader.start_ns, reader.end_ns)
-    survey = _survey(reader, roles, given_edges, clock, stretches)
+    recorded = RecordedFrames(with_values(Parameters(), {"frames.static": static_transforms}))
+    survey = _survey(reader, roles, given_edges, clock, stretches, recorded)
     topics = tuple(
         InspectedTopic(topic, _rate_hz(reader, topic, stretches), frame_ids.get(topic.name, ""))
         for topic in reader.topics
@@ -132,6 +142,9 @@ def inspect_bag(
     base_frame = base_frame_of(survey.frames(), times.odometry_child)
     role_of_topic = roles.by_topic(_SENSOR_ROLES) | named
     placed = survey.connected_to(map_frame)
+    cameras = {frame_ids.get(topic, "") for topic in _camera_topics(role_of_topic)}
+    upwards = upward_cameras(recorded.tree, base_frame, cameras) if base_frame else []
+    survey = replace(survey, oddities=(*survey.oddities, *upwards))
     readings = _first_readings(reader, role_of_topic)
     waits = list(_waits(times, clock, role_of_topic, map_frame, given_edges, placed))
     missing = [
@@ -235,14 +248,24 @@ def _first_frames(reader: BagReader) -> dict[str, str]:
     return frames
 
 
+def _camera_topics(role_of_topic: Mapping[str, str]) -> Iterable[str]:
+    """Return the topics that a camera sends: images, and the CameraInfo of the first."""
+    yield from lens_topics(role_of_topic)
+    yield from (topic for topic, role in role_of_topic.items() if role == CAMERA)
+
+
 def _survey(
     reader: BagReader,
     roles: RolesFound,
     given_edges: Iterable[tuple[str, str]],
     clock: BagClock,
     stretches: Stretches,
+    recorded: RecordedFrames,
 ) -> FrameSurvey:
-    """Survey both tf topics, the odometry's edge and those that were given."""
+    """Survey both tf topics, the odometry's edge and those that were given.
+
+    The transforms of tf go into the tree of `recorded`, too.
+    """
     surveyor = FrameSurveyor()
     static_topic = roles.topic("tf_static")
     for message in reader.messages(roles.by_topic(("tf", "tf_static"))):
@@ -253,6 +276,8 @@ def _survey(
         is_static = message.topic == static_topic
         received_ns = clock.at(message.log_time_ns)
         surveyor.see(transforms, message.topic, received_ns, is_static=is_static)
+        for transform in transforms:
+            recorded.take_transform(transform, is_static=is_static)
     _survey_odometry(reader, roles.topic("odom"), clock, surveyor)
     given = [_edge(parent, child, reader.start_ns) for parent, child in given_edges]
     source = TransformSource.PARAMETER

@@ -15,9 +15,13 @@ from are_ros.replay.recorded_frames import FRAME_ROLES, RecordedFrames
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.transforms.tree import FrameTree
 
-_POSE_TYPE: Final = "geometry_msgs/msg/PoseWithCovarianceStamped"
-_ESTIMATE: Final = "initialpose"
-"""A user's guess where the robot is, of the same type."""
+_POSE_TYPES: Final = (
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "geometry_msgs/msg/PoseStamped",
+)
+"""The first is that of localisation; the second is asked where it tells nothing."""
+_NOT_OF_THE_ROBOT: Final = ("initialpose", "goal")
+"""Parts of the names of topics with a user's guess where the robot is, and where it is to go."""
 
 
 def option_of_poses(
@@ -28,11 +32,16 @@ def option_of_poses(
     The root is that of the base's tree. One transform stands for the whole recording: that of the
     middle one of the poses, said with its largest distance from the others.
     """
-    topics = {topic.name for topic in reader.topics if topic.type_name == _POSE_TYPE}
+    topics = [
+        topic.name
+        for type_name in _POSE_TYPES
+        for topic in sorted(reader.topics, key=lambda one: one.name)
+        if topic.type_name == type_name
+        and not any(part in topic.name for part in _NOT_OF_THE_ROBOT)
+    ]
     poses = [
         (topic, stamp_ns, pose)
-        for topic in sorted(topics)
-        if _ESTIMATE not in topic
+        for topic in topics
         for stamp_ns, pose in _poses(reader, topic, map_frame)
     ]
     if not poses:
@@ -70,7 +79,8 @@ def _poses(reader: BagReader, topic: str, frame: str) -> list[tuple[int, RigidTr
             value = reader.deserialize(message)
             header = read_header(value, topic)
             if header.frame_id == frame:
-                found.append((header.stamp_ns, read_pose(value.pose.pose, "pose", topic)))
+                pose = getattr(value.pose, "pose", value.pose)
+                found.append((header.stamp_ns, read_pose(pose, "pose", topic)))
     return found
 
 

@@ -260,8 +260,8 @@ def test_what_is_missing_is_said_with_its_option(
     assert '--static-tf "X Y Z YAW PITCH ROLL map odom", which `are align` finds' in no_pose
     assert no_mount.startswith("nothing joins laser, the frame of /scan, to base_link:")
     assert "--static-tf" in no_mount
-    edges = [("map", "odom"), ("base_link", "laser")]
-    assert inspected(path, has_map_file=True, given_edges=edges).missing == ()
+    given = ["0 0 0 0 0 0 map odom", "0 0 0 0 0 0 base_link laser"]
+    assert inspected(path, has_map_file=True, static_transforms=given).missing == ()
 
 
 def test_a_missing_base_is_said(
@@ -519,24 +519,35 @@ def test_a_fixed_transform_that_came_once_on_tf_is_told(
     )
 
 
-def poses_on_the_map(factory: RosbagsFactory, topic: str, frame: str, x_m: float) -> list[Any]:
+def poses_on_the_map(
+    factory: RosbagsFactory,
+    topic: str,
+    frame: str,
+    x_m: float,
+    kind: str = "PoseWithCovarianceStamped",
+) -> list[Any]:
     """Return three poses, at 1, 2 and 3 s: at x in a frame, turned by 0.5."""
     records = []
     for second in (1, 2, 3):
-        pose = factory.make("geometry_msgs/msg/PoseWithCovarianceStamped")
+        pose = factory.make(f"geometry_msgs/msg/{kind}")
         pose.header = make_header(factory, frame, second * S)
-        pose.pose.pose.position.x = x_m
-        turn = pose.pose.pose.orientation
+        place = pose.pose if kind == "PoseStamped" else pose.pose.pose
+        place.position.x = x_m
+        turn = place.orientation
         turn.z, turn.w = math.sin(0.25), math.cos(0.25)
         records.append((topic, second * S, pose))
     return records
 
 
+@pytest.mark.parametrize(
+    ("topic", "kind"), [("/amcl_pose", "PoseWithCovarianceStamped"), ("/robot_pose", "PoseStamped")]
+)
 def test_recorded_poses_give_the_transform_of_the_map(
-    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag, topic: str, kind: str
 ) -> None:
     """The robot, 4 m down the odometry's x axis, stands on the map at x = 3, turned by 0.5."""
-    records = poses_on_the_map(factory, "/amcl_pose", "map", 3.0)
+    records = poses_on_the_map(factory, topic, "map", 3.0, kind)
+    records += poses_on_the_map(factory, "/goal_pose", "map", 9.0, "PoseStamped")
     records += poses_on_the_map(factory, "/initialpose", "map", 9.0)
     records += poses_on_the_map(factory, "/another_pose", "odom", 9.0)
     ahead = [
@@ -548,8 +559,8 @@ def test_recorded_poses_give_the_transform_of_the_map(
     (no_pose,) = inspected(path, has_map_file=True).missing
     x_m, y_m = 3.0 - 4.0 * math.cos(0.5), -4.0 * math.sin(0.5)
     assert no_pose == (
-        "nothing joins map to base_link, which hangs together with odom: /amcl_pose tells it: give"
-        f' --static-tf "{x_m:.4f} {y_m:.4f} 0 0.5 0 0 map odom", which is within 0.00 m of all 3'
+        "nothing joins map to base_link, which hangs together with odom:"
+        f' {topic} tells it: give --static-tf "{x_m:.4f} {y_m:.4f} 0 0.5 0 0 map odom", which is within 0.00 m of all 3'
         " poses"
     )
 
