@@ -5,14 +5,14 @@ import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import chain
 from pathlib import Path
 from struct import Struct
 from struct import error as StructError  # noqa: N812
 from typing import Any, Final, NamedTuple
 
-from rosbags.interfaces import MessageDefinitionFormat
+from rosbags.interfaces import MessageDefinitionFormat, Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from are_ros.bag.file_order import (
@@ -105,6 +105,40 @@ def stamp_in(data: bytes | memoryview, at: int = STAMP_AT, *, is_ros1: bool = Fa
     except (StructError, IndexError):
         return None
     return int(seconds) * NS_PER_S + int(nanoseconds)
+
+
+# Which types are the same in ROS 1 and ROS 2.
+
+
+_HEADER = "std_msgs/msg/Header"
+
+
+@cache
+def _has_same_fields(ros1: Any, ros2: Any, kind: str, type_name: str) -> bool:
+    """Return whether a type has the same fields in two typestores, except for Header.seq.
+
+    Then `ros1_to_cdr` of rosbags, which skips that number, converts its bytes.
+    """
+    return bool(_fields(ros1, kind) == _fields(ros2, type_name))
+
+
+def _fields(store: Any, type_name: str) -> list[tuple[str, Any]]:
+    """Return the names of a type's fields, and their kinds down to numbers and strings."""
+    return [
+        (name, _kind(store, node))
+        for name, node in store.fielddefs[type_name][1]
+        if (type_name, name) != (_HEADER, "seq")
+    ]
+
+
+def _kind(store: Any, node: Any) -> Any:
+    """Return a field's kind: its base type, its fields, or what it is a sequence of."""
+    form, content = node
+    if form == Nodetype.NAME:
+        return _fields(store, content)
+    if form == Nodetype.BASE:
+        return content
+    return form, _kind(store, content[0]), content[1]
 
 
 # Which files are recordings, and their readers.
@@ -316,7 +350,7 @@ class _Part:
 
         The metadata, which may be missing, say so; but no CDR begins as zstd's frames do.
         """
-        if self.path.suffix == ".bag" or not data.startswith(_ZSTD):
+        if not data.startswith(_ZSTD) or self.path.suffix == ".bag":
             return data
         from zstandard import ZstdDecompressor
 
@@ -546,22 +580,31 @@ class BagReader:
         """Return a message of ROS 1 as the bytes of the type that it has become in ROS 2.
 
         Fields that ROS 2 lacks (Header.seq) are dropped, new ones are zero or empty. Errors as
-        `deserialize`. Transforms are converted quicker than by the general way.
+        `deserialize`. Transforms and types with the same fields are converted without objects.
         """
-        from rosbags.convert.converter import migrate_message
-
         kind = message.connection.msgtype
         type_name = ros2_type(kind)
         if type_name == _TRANSFORMS:
             with suppress(StructError):  # of a stamp that ROS 2 has not
                 return encode_transforms_cdr(self.transforms(message))
+        self._check_type(message)
         ros1, ros2 = self._store_of(message.connection), jazzy_typestore()
-        original = self.deserialize(message)
         try:
-            migrated = migrate_message(ros1, ros2, kind, type_name, self._migrations, original)
-            return bytes(ros2.serialize_cdr(migrated, type_name))
+            if _has_same_fields(ros1, ros2, kind, type_name):
+                return bytes(ros2.ros1_to_cdr(message.data, type_name))
+            return self._migrated(message, type_name)
         except Exception as cause:
             raise _malformed(message, cause) from cause
+
+    def _migrated(self, message: BagMessage, type_name: str) -> bytes:
+        """Return a message of ROS 1, whose fields differ from those of ROS 2."""
+        from rosbags.convert.converter import migrate_message
+
+        kind, data = message.connection.msgtype, message.data
+        ros1, ros2 = self._store_of(message.connection), jazzy_typestore()
+        original = ros1.deserialize_ros1(data, kind)
+        migrated = migrate_message(ros1, ros2, kind, type_name, self._migrations, original)
+        return bytes(ros2.serialize_cdr(migrated, type_name))
 
     def connections(self) -> Iterator[Any]:
         """Yield rosbags' connections of all files: a topic and a type each."""

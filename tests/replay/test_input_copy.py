@@ -141,3 +141,35 @@ def test_ros1_fields_find_their_ros2_names(
     for field, values in (("d", k[:5]), ("k", k), ("r", k + 1.0), ("p", p)):
         assert getattr(made, field).tolist() == values.tolist()
     assert (ranged.range, ranged.variance) == (0.5, 0.0)
+
+
+def test_ros1_types_with_the_same_fields_become_the_bytes_that_ros2_writes(
+    tmp_path: Path, write_bag: WriteBag, factory: RosbagsFactory, ros1_factory: RosbagsFactory
+) -> None:
+    """Names of any length, sequences and nested headers, without seq."""
+    messages: list[Any] = []
+    expected: list[Any] = []
+    for length in range(9):
+        values = np.arange(length, dtype=np.float64)
+        for made, make in ((messages, ros1_factory.make), (expected, factory.make)):
+            number = {"seq": 7} if made is messages else {}
+            header = make("std_msgs/msg/Header", frame_id="e" * length, **number)
+            pose = make("geometry_msgs/msg/PoseStamped", header=header)
+            names = ["n" * k for k in range(length)]
+            scan = make(
+                "sensor_msgs/msg/LaserScan", header=header, ranges=values.astype(np.float32)
+            )
+            made += [
+                make("nav_msgs/msg/Path", header=header, poses=[pose] * length),
+                make("sensor_msgs/msg/JointState", header=header, name=names, position=values),
+                scan,
+                make("nav_msgs/msg/Odometry", header=header, child_frame_id="c" * length),
+            ]
+    topics = [f"/t{k % 4}" for k in range(len(messages))]
+    entries = [
+        (topic, k + 1, one) for k, (topic, one) in enumerate(zip(topics, messages, strict=True))
+    ]
+    store = jazzy_typestore()
+    with BagReader([write_bag(tmp_path / "in.bag", entries)]) as reader:
+        copied = [reader.as_ros2(message) for message in reader.messages()]
+    assert copied == [bytes(store.serialize_cdr(one, one.__msgtype__)) for one in expected]
