@@ -4,6 +4,7 @@ These checks read the recording, the parameters and the map; they share no code 
 geometry, inflation, transforms and the decoding of markers are plain second implementations.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
@@ -50,23 +51,25 @@ def check_recording(
     path: Path,
     map_file: Path | None = None,
     parameters_file: Path | None = None,
-) -> tuple[CheckResult, ...]:
+) -> Iterator[CheckResult]:
     """Check a replay's output folder, or a live recording: a folder, an .mcap or a .db3 file.
 
     A folder with augmented.mcap and metrics.json is a replay's. The real map is `map_file`, else
     the one in the recording; the parameters `parameters_file`, else effective.yaml beside it.
     What is wrong with the recording, damaged bytes too, is a failed result; what cannot be looked
-    at, a skipped one with the reason. Raises BagError where there is no recording of ar_builder,
-    MapError or ParameterError for a bad map file or parameters.
+    at, a skipped one with the reason. Each comes when it is known; those of readings take longest.
+    Raises BagError where there is no recording of ar_builder, MapError or ParameterError for a bad
+    map file or parameters.
     """
     files = find_recording(path)
     effective = parameters_file or files.parameters
     parameters = None if effective is None else with_file(Parameters(), effective)
     is_live = not files.is_replay
-    results = check_files(files.files, is_live=is_live)
+    of_file, *of_others = check_files(files.files, is_live=is_live)
     with Reading(files, parameters) as reading:
         if is_live and reading.is_open and not any(t.startswith(PREFIX) for t in reading.topics):
             raise BagError(f"{files.path}: it holds no topic of the node, none begins {PREFIX}")
+        yield of_file
         reading.read_all_but_grids()
         record = reading.record
         given = None
@@ -76,14 +79,16 @@ def check_recording(
         checks = (*_SCENE_CHECKS, check_farewells) if is_live else _SCENE_CHECKS
         if parameters is not None and parameters.certainty.enabled:
             checks = (*checks, check_certainty, check_predicted)
-        results += [check(record) for check in checks]
-        results += check_grids(record, reading.grids())
-    results += [*check_scans(record), check_missing(record)]
+        of_scene = [check(record) for check in checks]
+        of_grids = check_grids(record, reading.grids())
+    yield from (reading.tally.result(), *of_others, *of_scene, *of_grids)
+    yield from check_scans(record)
+    yield check_missing(record)
     for is_there, check in (
         (record.scans.counts[DepthFrame], check_depths),
         (record.has_images, check_images),
         (record.has_boxes, check_boxes),
         (record.octomaps.kept, check_octomap),
     ):
-        results += [check(record)] if is_there else []
-    return (results[0], reading.tally.result(), *results[1:])
+        if is_there:
+            yield check(record)

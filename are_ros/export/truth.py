@@ -68,7 +68,7 @@ def chosen_topic(known: Sequence[str], name: str, data_set: str, option: str, wi
         raise BagError(f"{data_set}: {without}")
     wanted = [topic for topic in known if name.strip("/") in {topic.strip("/"), ""}]
     if len(wanted) != 1:
-        reason = f"it has no {name}" if name else "it has several"
+        reason = f"there is no {name}" if name else "there are several topics for it"
         raise BagError(f"{data_set}: {reason}; choose one with {option}: {', '.join(known)}")
     return wanted[0]
 

@@ -340,9 +340,10 @@ def check_command(
     from are_ros.checks.result import want_of_inputs
     from are_ros.checks.run import check_recording
 
-    results = check_recording(path, map_file, parameters_file)
-    for result in results:
+    results = []
+    for result in check_recording(path, map_file, parameters_file):
         echo(result.sentence())
+        results.append(result)
     if sentence := want_of_inputs(results):
         echo(sentence)
     has_failed = any(result.outcome is CheckOutcome.FAILED for result in results)

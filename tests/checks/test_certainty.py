@@ -216,7 +216,7 @@ def test_a_replay_with_a_detector_passes_all_checks(
     often, telling = "certainty.false_alarm_rate:=2.0", "certainty.behaviour_accuracy:=0.7"
     values = ("--set", often, "--set", telling)
     out = replay_sample("--params", preset, *values, "--with-inputs")
-    results = check_recording(out)
+    results = tuple(check_recording(out))
     wrong = [result.sentence() for result in results if result.outcome is Outcome.FAILED]
     assert wrong == []
     by_name = {result.name: result for result in results}

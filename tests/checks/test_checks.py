@@ -407,13 +407,13 @@ def right() -> Draft:
 
 def results_of(draft: Draft, folder: Path, map_file: Path | None = None) -> dict[str, CheckResult]:
     """Write a replay, check it, and return the results by name."""
-    results = check_recording(draft.write(folder), map_file)
+    results = tuple(check_recording(draft.write(folder), map_file))
     return {result.name: result for result in results}
 
 
 def test_a_right_replay_passes_every_check(right: Draft, tmp_path: Path) -> None:
     """Nothing fails or is skipped where all inputs are there, and each check looks at something."""
-    results = check_recording(right.write(tmp_path))
+    results = tuple(check_recording(right.write(tmp_path)))
     assert [r.sentence() for r in results if r.outcome is not Outcome.PASSED] == []
     assert all(result.looked_at > 0 for result in results)
     assert len({result.name for result in results}) == len(results) == 30
@@ -1273,7 +1273,7 @@ def test_the_real_map_may_come_from_a_file(right: Draft, tmp_path: Path) -> None
 def test_without_a_recording_there_is_an_error(tmp_path: Path) -> None:
     """A folder without augmented.mcap is refused."""
     with pytest.raises(BagError, match=r"there is no augmented\.mcap"):
-        check_recording(tmp_path)
+        tuple(check_recording(tmp_path))
 
 
 def test_a_lag_before_and_after_another_map_is_not_one_long_lag() -> None:

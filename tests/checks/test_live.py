@@ -281,7 +281,7 @@ def test_a_right_live_recording_passes_every_check(live: Tape, tmp_path: Path) -
 
     There is no farewell, and the recording does not tell which walls a scan was augmented with.
     """
-    results = check_recording(live.write(tmp_path))
+    results = tuple(check_recording(live.write(tmp_path)))
     by_name = {result.name: result for result in results}
     assert bad(by_name) == []
     skipped = {name for name, result in by_name.items() if result.outcome is Outcome.SKIPPED}
@@ -455,7 +455,7 @@ def test_a_bare_file_and_a_rosbag2_folder_are_recordings(live: Tape, tmp_path: P
     assert results["lives"].outcome is Outcome.PASSED
     assert "effective.yaml" in results["costmap"].sentence()
     describe_folder(file)
-    given = check_recording(bag, parameters_file=live.parameters)
+    given = tuple(check_recording(bag, parameters_file=live.parameters))
     assert {r.name for r in given if r.outcome is not Outcome.PASSED} == NOT_LIVE
 
 
@@ -535,14 +535,14 @@ def test_what_is_no_recording_of_the_node_is_refused(sample_bag: Path, tmp_path:
         (sample_bag.parent / "README.md", "no recording of ROS 2"),
     ):
         with pytest.raises(BagError, match=text):
-            check_recording(path)
+            tuple(check_recording(path))
     for name in ("a.mcap", "b.mcap"):
         (tmp_path / name).write_bytes(b"")
     with pytest.raises(BagError, match=r"several recordings.*a\.mcap, b\.mcap"):
-        check_recording(tmp_path)
+        tuple(check_recording(tmp_path))
     (tmp_path / "metadata.yaml").write_text("a: [")
     with pytest.raises(BagError, match=r"metadata\.yaml is malformed"):
-        check_recording(tmp_path)
+        tuple(check_recording(tmp_path))
 
 
 def test_a_map_may_come_to_the_node_after_its_first_ticks(live: Tape, tmp_path: Path) -> None:

@@ -355,7 +355,7 @@ def test_the_cloud_is_chosen_by_name(cloud_replay: Path, run_are: RunAre, tmp_pa
     """A name that is not there is refused with those that are."""
     words = ("--kitti", tmp_path / "set", "--cloud", "/front")
     done = run_are("export", cloud_replay, *words)
-    assert f"--kitti: it has no /front; choose one with --cloud: {AUGMENTED}" in done.stderr
+    assert f"--kitti: there is no /front; choose one with --cloud: {AUGMENTED}" in done.stderr
 
 
 @pytest.fixture(scope="module")

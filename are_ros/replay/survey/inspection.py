@@ -65,6 +65,7 @@ _GIVEN = "given"
 _LONG_NS = 2 * NS_PER_S
 """In a shorter recording transforms that come slowly may come once."""
 _LOOPED = "a choice of one part with --start and --duration: the clock jumps back (see time)"
+_MIXED = "a recording in order: the clock jumps back, and no part can be told apart (see time)"
 _NO_MAP = "there is no map: give its file with --map FILE.yaml, or its topic with --topic map:="
 
 
@@ -165,7 +166,7 @@ def inspect_bag(
         *_missing_stamps(times),
         *_missing_repeats(survey, reader.end_ns - reader.start_ns),
         *_missing_clock(clock),
-        *([_LOOPED] if trouble else []),
+        *([_LOOPED if "--start" in trouble else _MIXED] if trouble else []),
         *(sentence for sentence, is_known in waits if not is_known),
     ]
     return Inspection(

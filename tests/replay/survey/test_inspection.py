@@ -560,8 +560,8 @@ def test_recorded_poses_give_the_transform_of_the_map(
     x_m, y_m = 3.0 - 4.0 * math.cos(0.5), -4.0 * math.sin(0.5)
     assert no_pose == (
         "nothing joins map to base_link, which hangs together with odom:"
-        f' {topic} tells it: give --static-tf "{x_m:.4f} {y_m:.4f} 0 0.5 0 0 map odom", which is within 0.00 m of all 3'
-        " poses"
+        f' {topic} tells it: give --static-tf "{x_m:.4f} {y_m:.4f} 0 0.5 0 0 map odom", which is'
+        " within 0.00 m of all 3 poses"
     )
 
 
