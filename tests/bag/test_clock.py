@@ -170,6 +170,19 @@ def test_a_recording_whose_log_looped_is_refused(
     assert done.returncode == 0, done.stderr
 
 
+def test_no_part_is_advised_where_all_is_mixed(
+    run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path
+) -> None:
+    """Two drives from the same time on: no --start takes one of them alone."""
+    bag = write_bag(tmp_path / "b.mcap", [*sample_records, *sample_records])
+    done = run_are("replay", bag, "--out", tmp_path / "out")
+    assert done.returncode == 1
+    assert "all of it is mixed" in done.stderr
+    said = run_are("inspect", bag).stdout
+    assert "the clock jumps back, and no part can be told apart (see time)" in said
+    assert "--start" not in said
+
+
 @pytest.mark.parametrize("name", ["b.mcap", "b.db3"])
 def test_the_windows_that_are_named_after_a_jump_can_be_replayed(
     run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path, name: str

@@ -25,7 +25,8 @@ from are_ros.yaml_text import Fields, read_yaml
 SHIPPED_CATALOGUE: Final = Path(__file__).parent / "catalogue.yaml"
 
 _LARGEST_M = 100.0
-_LARGEST_WEIGHT = 1e6
+_LARGEST_WEIGHT = 1000.0
+"""The sums of larger ones over a life would come near the value of what cannot be reached."""
 _HEXADECIMAL = frozenset("0123456789abcdefABCDEF")
 _METRES: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 _AXES = ("x", "y", "z", "-x", "-y", "-z")
