@@ -99,6 +99,21 @@ def test_it_comes_once_a_second_by_itself(make_bench: MakeBench) -> None:
     assert all(status.name.startswith("ar_builder: ") for status in message.status)
 
 
+def test_a_backlog_of_messages_does_not_keep_the_report(bench: Bench, later: Later) -> None:
+    """Its timer waits behind them: a message reports when none has gone out for two seconds."""
+    bench.report()
+    reports = bench._reports
+    assert reports is not None
+    bench.node._report_timer.cancel()
+    reports.clear()
+    bench.send("tf", robot_at(1000.2))
+    bench.turn_for(0.3)
+    assert not reports
+    later(2.5)
+    bench.send("tf", robot_at(1000.25))
+    bench.until(lambda: reports)
+
+
 def test_what_is_missing_is_an_error_after_a_while(make_bench: MakeBench, later: Later) -> None:
     """Not before five seconds; each line says what to look at."""
     bench = make_bench({}, "configure", "activate")
