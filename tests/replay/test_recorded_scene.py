@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from are_ros.bag.recording import Recording, find_recording
+from are_ros.bag.types import jazzy_typestore
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import Moment
 from are_ros.errors import BagError
@@ -143,6 +144,18 @@ def test_the_live_view_shows_the_robot_of_each_round_of_a_loop(
     alone, _, again = np.array(poses[0]), poses[1], np.array(poses[2])
     assert np.isfinite(alone[-60:]).all()
     np.testing.assert_array_equal(again[-60:], alone[-60:])
+
+
+def test_an_event_of_no_kind_is_refused_in_a_sentence(sample_replay: Path, tmp_path: Path) -> None:
+    """As of a node of a later version."""
+    tape, store, name = Tape.of(sample_replay), jazzy_typestore(), "are_msgs/msg/ArtefactEvent"
+    topic = "/ar_builder/events"
+    log_ns, _, data = [one for one in tape.entries if one[1] == topic][-1]
+    event = store.deserialize_cdr(data, name)
+    event.kind = 99
+    odd = tape.then((log_ns, topic, bytes(store.serialize_cdr(event, name))))
+    with pytest.raises(BagError, match=f"an event of artefact {event.id} is of no kind"):
+        _scene(odd.write(tmp_path / "odd"))
 
 
 def test_of_a_looped_recording_the_first_pass_is_seen(
