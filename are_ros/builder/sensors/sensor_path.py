@@ -182,14 +182,18 @@ class SensorPath:
         """Measure the delay of transforms for readings that were released without them."""
         while self._delays and self._delays[0][0] < now_ns - _RECENT_NS:
             self._delays.popleft()
+        found_ns = []
         while self._too_early:
             item, age_ns = self._too_early[0], now_ns - self._too_early[0].received_ns
             frames = self._map_frame, item.reading.frame_id
             if self._frames.try_lookup(*frames, item.reading.stamp_ns) is not None:
-                self._delays.append((now_ns, age_ns))
+                found_ns.append(age_ns)
             elif age_ns < self._history_ns:
-                return
+                break
             self._too_early.popleft()
+        # Found at once with one that waited so long: they ended an outage, and are no late ones.
+        if max(found_ns, default=0) < REACH * self._history_ns:
+            self._delays.extend((now_ns, delay_ns) for delay_ns in found_ns)
 
     def _release_head(self, now_ns: int) -> None:
         """Release the first reading, with the best pose available."""

@@ -96,6 +96,17 @@ def test_transforms_that_failed_to_come_for_a_while_are_no_late_ones() -> None:
     assert path.queue.late_ns == 0
 
 
+def test_the_last_scans_before_an_outage_ended_do_not_ask_for_a_longer_wait() -> None:
+    """Transforms fail to come for 800 ns; the scan of its last 300 ns is found with the first."""
+    path = left_without_transform()
+    path.push(510, 520)
+    path.queue.deadline_passed(570)
+    path.correction(900)
+    path.odom(900)
+    path.queue.transforms_came(820)
+    assert path.queue.late_ns == 0
+
+
 def test_a_scan_older_than_the_kept_poses_passes_through() -> None:
     """Nobody knows any more where the artefacts were, though the transform is known."""
     path = Path()
