@@ -191,7 +191,9 @@ def _verdict(entry: InputSnapshot, active_s: float) -> tuple[Level, str]:
 
 def _nothing_yet(entry: InputSnapshot, active_s: float) -> tuple[Level, str]:
     if not entry.is_required:
-        return Level.OK, "no message yet; the node works without"
+        is_silent = entry.publishers and not entry.is_latched and not _is_new(entry)
+        why = _why_nothing(entry) if is_silent else "; the node works without"
+        return Level.OK, f"no message yet{why}"
     if active_s < GRACE_S or _is_new(entry):
         return Level.OK, "no message yet"
     return Level.ERROR, f"no message for {active_s:.0f} s{_why_nothing(entry)}"

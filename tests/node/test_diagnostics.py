@@ -92,6 +92,16 @@ def test_paused() -> None:
     assert status_of(stopped, "ticks").level is Level.OK
 
 
+def test_an_input_that_somebody_publishes_and_that_does_not_come() -> None:
+    """Transforms of another QoS, say. What is latched may just not have been said."""
+    silent = replace(NO_SCAN, publishers=1, published_s=5.0)
+    doubt = "no message yet, though /scan has 1 publisher; is its QoS compatible?"
+    assert of_input(silent) == (Level.OK, doubt)
+    without = Level.OK, "no message yet; the node works without"
+    assert of_input(replace(silent, published_s=4.9)) == without
+    assert of_input(replace(silent, is_latched=True)) == without
+
+
 def test_a_required_input_that_never_came() -> None:
     """An error after 5 s, which says what can be done."""
     nothing = NO_MAP
