@@ -184,19 +184,25 @@ _GREY: Final = 205
 def doubt_about_unknown(path: Path) -> str:
     """Return a sentence if a trinary map file makes the grey of unknown cells free; else "".
 
-    `free_thresh: 0.25`, the default of map_saver, does so, and map_io reads it so. Raises MapError.
+    `free_thresh: 0.25`, the default of map_saver, does so, and map_io reads it so; as does an
+    opaque alpha channel, which counts as brightness. Raises MapError.
     """
     metadata = _read_metadata(path)
-    of_grey = _table(np.array([_GREY / 255.0]), metadata)
-    if metadata.mode is not MapMode.TRINARY or of_grey[0] != FREE:
+    if metadata.mode is not MapMode.TRINARY:
         return ""
     image = read_map_image(metadata.image)
-    share = float((image.sums * 255 == _GREY * image.full).mean())
-    if not share or (_cells(image, metadata) == UNKNOWN).any():
+    cells, is_grey = _cells(image, metadata), image.sums * 255 == _GREY * image.full
+    if not is_grey.any() or (cells == UNKNOWN).any() or (cells[is_grey] != FREE).any():
         return ""
+    of_grey = _table(np.array([_GREY / 255.0]), metadata)
+    cause, remedy = f"free_thresh {metadata.free_thresh:g} makes", "with 0.196"
+    if of_grey[0] != FREE:
+        cause = f"the alpha channel of {metadata.image.name} counts as brightness, and makes"
+        remedy = "without the channel"
     return (
-        f"{path}: free_thresh {metadata.free_thresh:g} makes the grey of unknown cells free, "
-        f"{percent(share)} of the map, and nothing is unknown: with 0.196 they stay unknown"
+        f"{path}: {cause} the grey of unknown cells free, "
+        f"{percent(float(is_grey.mean()))} of the map, and nothing is unknown: {remedy} they stay "
+        "unknown"
     )
 
 

@@ -149,6 +149,18 @@ def test_a_grey_of_unknown_cells_that_becomes_free_is_said(
         assert "makes the grey of unknown cells free, 33.3 % of the map" in doubt
 
 
+def test_an_alpha_channel_that_makes_unknown_cells_free_is_said(tmp_path: Path) -> None:
+    """As of a map that went through a drawing program: map_server counts opacity as brightness."""
+    grey = np.array([[0, 205, 254], [205, 254, 254]], np.uint8)
+    opaque = np.dstack((grey, grey, grey, np.full_like(grey, 255)))
+    path = write_png(tmp_path, opaque)
+    assert (read_map_file(path, "map").cells == 0).sum() == 5
+    doubt = doubt_about_unknown(path)
+    assert "the alpha channel of b.png counts as brightness, and makes the grey" in doubt
+    assert doubt.endswith("nothing is unknown: without the channel they stay unknown")
+    assert not doubt_about_unknown(write_png(tmp_path, opaque[:, :, :3]))
+
+
 def test_an_absolute_image_path_is_taken_as_it_is(tmp_path: Path) -> None:
     """Only a relative path starts at the map file's folder."""
     (tmp_path / "deep").mkdir()
