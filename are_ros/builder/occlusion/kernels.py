@@ -71,8 +71,8 @@ class Scratch(NamedTuple):
 
     `axes` float32 (3, 3) are the tile's axis in the map frame, its axis in the lattice, and its
     spread there. `rays` float32 (3, PIXELS) are in the map frame; `depths` float32 (N + 1, PIXELS)
-    is Z_a of the boxes in `candidates`, inf where a ray misses and where another artefact hides
-    the box.
+    is Z_a of the boxes in `candidates`, inf where a ray misses and where the environment or
+    another artefact hides the box.
     """
 
     axes: npt.NDArray[np.float32]
@@ -262,9 +262,7 @@ def hide_behind_others(
     count: int,
     scratch: Scratch,
 ) -> int:
-    """Set Z_a to inf where another artefact's shape is in front of a.
-
-    Drop the candidates of which nothing is left, and return how many remain.
+    """Set Z_a to inf where another artefact's shape is in front of a; see `_keep_in_front_of`.
 
     Since a shape lies inside its box, or is Z_a itself, none is hidden by its own shape, and one
     shared nearest surface (the front) serves all.
@@ -280,11 +278,20 @@ def hide_behind_others(
             front[pixel] = min(front[pixel], depth[pixel])
     if meshes > 0:
         _lower_to_meshes(boxes, tree, axis, spread, count, scratch)
-    kept = 0
+    return _keep_in_front_of(front, count, scratch)
+
+
+@borrowing
+def _keep_in_front_of(surface_m: npt.NDArray[np.float32], count: int, scratch: Scratch) -> int:
+    """Set Z_a to inf behind a surface (PIXELS,); drop the candidates of which nothing is left.
+
+    Return how many remain.
+    """
+    depths, kept = scratch.depths, 0
     for candidate in range(count):
         depth, seen = depths[candidate], np.int32(0)
         for pixel in range(PIXELS):
-            is_seen = (depth[pixel] <= front[pixel] + TIE_M) & (depth[pixel] < INFINITE)
+            is_seen = (depth[pixel] <= surface_m[pixel] + TIE_M) & (depth[pixel] < INFINITE)
             depth[pixel] = depth[pixel] if is_seen else INFINITE
             seen = np.int32(seen + is_seen)
         if seen > 0:
@@ -408,10 +415,12 @@ def render(
             tallies,
             scratch,
         )
+        if count > 0:  # before the others: their meshes are slow, and need not hide what is hidden
+            _trace_environment(voxels, axis, spread, count, scratch)
+            count = _keep_in_front_of(scratch.environment_m, count, scratch)
         if count > 1 and mutual:
             count = hide_behind_others(boxes, tree, axis, spread, count, scratch)
         if count > 0:
-            _trace_environment(voxels, axis, spread, count, scratch)
             _tally(tiles.first_pixels[tile], count, tallies, scratch)
 
 
@@ -554,19 +563,14 @@ def _farthest(count: int, scratch: Scratch) -> np.float32:
 def _tally(
     first_pixel: npt.NDArray[np.int64], count: int, tallies: Visibility, scratch: Scratch
 ) -> None:
-    """Count the pixels of each box that the environment does not hide; keep rectangle and distance.
-
-    The second half of Z_a <= Z_S (Eq. 2): what other artefacts hide, `hide_behind_others` has set
-    to infinity before.
-    """
-    environment, nearest_bits = scratch.environment_m, tallies.nearest_m.view(np.int32)
+    """Count the pixels where each box is not hidden (Eq. 2); keep rectangle and distance."""
+    nearest_bits = tallies.nearest_m.view(np.int32)
     for candidate in range(count):
         box, depths = scratch.candidates[candidate], scratch.depths[candidate]
         seen, nearest, bits = np.int32(0), _INFINITE_BITS, depths.view(np.int32)
         left, top, right, bottom = _BEYOND, _BEYOND, _BEFORE, _BEFORE
         for pixel in range(PIXELS):
-            depth = depths[pixel]
-            is_seen = (depth < INFINITE) & (depth <= environment[pixel] + TIE_M)
+            is_seen = depths[pixel] < INFINITE
             seen = np.int32(seen + is_seen)
             nearest = min(nearest, bits[pixel] if is_seen else _INFINITE_BITS)
             x, y = np.int32(pixel % TILE), np.int32(pixel // TILE)
