@@ -34,6 +34,21 @@ def discs_fit(
 
 
 @compiled
+def disc_fits_in(
+    clearance_m: npt.NDArray[np.float32],
+    region: npt.NDArray[np.bool_],
+    radius_m: float,
+    unit_m: float,
+) -> bool:
+    """Tell whether `discs_fit` about any cell of a region (H, W); mostly one of the first tells."""
+    for row in range(region.shape[0]):
+        for col in range(region.shape[1]):
+            if region[row, col] and disc_fits(clearance_m, row, col, radius_m, unit_m):
+                return True
+    return False
+
+
+@compiled
 def label_blocks(
     clearance_m: npt.NDArray[np.float32],
     disc_m: tuple[float, float],
@@ -65,13 +80,15 @@ def label_blocks(
                 anchors[i, j, 0] = i * side + min((side - 1) // 2, inner.shape[0] - 1)
                 anchors[i, j, 1] = j * side + min((side - 1) // 2, inner.shape[1] - 1)
                 continue
+            unseen = 0
             for row in range(inner.shape[0]):
                 for col in range(inner.shape[1]):
                     at = i * side + row, j * side + col
                     has_room = room_m[row, col] >= least_m
                     fits = has_room and disc_fits(clearance_m, at[0], at[1], disc_m[0], disc_m[1])
                     inner[row, col] = _UNSEEN if fits else 0
-            main = mains[i, j] = _label_block(inner, queue)
+                    unseen += fits
+            main = mains[i, j] = _label_block(inner, unseen, queue)
             most_m, nearest = -1.0, 0
             for row in range(inner.shape[0]):
                 for col in range(inner.shape[1]):
@@ -87,8 +104,11 @@ def label_blocks(
 
 
 @compiled
-def _label_block(labels: Labels, queue: npt.NDArray[np.int32]) -> int:
+def _label_block(labels: Labels, unseen: int, queue: npt.NDArray[np.int32]) -> int:
     """Label the unseen cells of one block, and return the number of its largest component."""
+    if unseen == labels.size:  # one component, and no need to follow it
+        labels[:] = 1
+        return 1
     count = largest = most = 0
     for row in range(labels.shape[0]):
         for col in range(labels.shape[1]):

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from are_ros._compiled import compiled
 from are_ros.agents.behaviours.situation import Standing
 from are_ros.agents.body import TIGHTEST, Body
-from are_ros.agents.mdp.coarse_kernels import discs_fit
+from are_ros.agents.mdp.coarse_kernels import disc_fits_in, discs_fit
 from are_ros.agents.mdp.coarse_map import rounded_up_m
 from are_ros.agents.navigation.destinations import APART_M
 from are_ros.agents.navigation.profile import NavigationProfile
@@ -62,7 +62,7 @@ class DepartureConstraint:
     def is_anywhere(self) -> bool:
         """Whether any place of the map meets the constraint."""
         field, unit_m = self._terrain.clearance_m, self._terrain.grid.resolution_m
-        return bool(discs_fit(field, self.radius_m, unit_m)[self._region].any())
+        return disc_fits_in(field, self._region, self.radius_m, unit_m)
 
     def is_free_at(self, points_m: _Floats) -> _Mask:
         """Tell at which points (N, >= 2) the disc is free, in a large enough part: bool (N,)."""
