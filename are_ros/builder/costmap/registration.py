@@ -103,15 +103,16 @@ def _cover(
         windows[i, 2], windows[i, 3], windows[i, 4] = mask.shape[0], mask.shape[1], size
         masks.append(mask.reshape(-1))
         size += mask.size
+        under = is_covered[row0 : row0 + mask.shape[0], col0 : col0 + mask.shape[1]]
         for row in range(mask.shape[0]):
             for col in range(mask.shape[1]):
-                if mask[row, col] and not is_covered[row0 + row, col0 + col]:
-                    is_covered[row0 + row, col0 + col] = True
-                    count += 1
+                count += mask[row, col] and not under[row, col]
+                under[row, col] |= mask[row, col]
     cells = np.zeros(size, np.bool_)
     for i in range(packed.shape[0]):
-        for k in range(masks[i + 1].size):
-            cells[windows[i, 4] + k] = masks[i + 1][k]
+        own, start = masks[i + 1], windows[i, 4]
+        for k in range(own.size):
+            cells[start + k] = own[k]
     return windows, cells, count
 
 
@@ -150,10 +151,13 @@ def rectangles(
 
     Clipped to a grid of `shape` (h, w); a patch outside of it gives an empty rectangle.
     """
-    corners = [(row0, col0, row0 + rows, col0 + cols) for row0, col0, ((rows, cols), _) in patches]
-    widened = np.array(corners, np.int64).reshape(-1, 4)
-    widened += np.array((-margin_cells, -margin_cells, margin_cells, margin_cells))
-    return np.clip(widened, 0, np.array((*shape, *shape)))
+    margin = margin_cells
+    widened = [
+        (row0 - margin, col0 - margin, row0 + rows + margin, col0 + cols + margin)
+        for row0, col0, ((rows, cols), _) in patches
+    ]
+    corners = np.array(widened, np.int64).reshape(-1, 4)
+    return np.minimum(np.maximum(corners, 0), (*shape, *shape))  # np.clip takes twice as long
 
 
 def meeting(ours: Rectangles, theirs: Rectangles) -> Mask:
