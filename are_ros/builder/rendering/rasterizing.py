@@ -126,12 +126,16 @@ def sample_rays(rays: Floats) -> Floats:
     blocks = -(-width // WIDE)
     samples = np.zeros((height, blocks, 3, SAMPLES, WIDE), dtype=np.float32)
     padded = np.zeros((height, blocks * WIDE, 3))
-    for sample in range(SAMPLES):
-        lower = _towards(rays.astype(np.float64), has_ray, 2 * (sample // 2) - 1)
-        cast = _towards(lower.swapaxes(0, 1), has_ray.T, 2 * (sample % 2) - 1).swapaxes(0, 1)
-        x, y, z = cast[has_ray].T
-        padded[:, :width][has_ray] = cast[has_ray] / np.sqrt(x * x + y * y + z * z)[:, np.newaxis]
-        samples[:, :, :, sample] = padded.reshape(height, blocks, WIDE, 3).swapaxes(2, 3)
+    exact = rays.astype(np.float64)
+    for down in range(2):
+        lower = _towards(exact, has_ray, 2 * down - 1)
+        for right in range(2):
+            cast = _towards(lower.swapaxes(0, 1), has_ray.T, 2 * right - 1).swapaxes(0, 1)
+            x, y, z = np.moveaxis(cast, 2, 0)
+            length = np.sqrt(x * x + y * y + z * z)[:, :, np.newaxis]
+            np.divide(cast, length, out=padded[:, :width], where=has_ray[:, :, np.newaxis])
+            blocked = padded.reshape(height, blocks, WIDE, 3).swapaxes(2, 3)
+            samples[:, :, :, 2 * down + right] = blocked
     return samples.reshape(height, blocks, RAYS)
 
 
@@ -146,8 +150,10 @@ def _towards(
     is_beyond = (there < 0) | (there >= len(rays))
     there = np.clip(np.where(is_beyond, there - 2 * step, there), 0, len(rays) - 1)
     share = np.where(is_beyond, -0.25, 0.25)[:, np.newaxis, np.newaxis]
-    between = (1.0 - share) * rays + share * rays[there]
-    return np.where(has_ray[there][:, :, np.newaxis], between, rays)
+    between = (1.0 - share) * rays
+    between += share * rays[there]
+    np.copyto(between, rays, where=~has_ray[there][:, :, np.newaxis])
+    return between
 
 
 @borrowing
