@@ -4,7 +4,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -177,6 +177,24 @@ def image_plane(
     return plane
 
 
+@lru_cache(maxsize=2)  # an image and its depth mostly have the same lens
+def _undistorted_plane(
+    width: int,
+    height: int,
+    fx: float,
+    fy: float,
+    cx: float,
+    cy: float,
+    distortion: tuple[float, ...],
+) -> npt.NDArray[np.float64]:
+    """Return x / z and y / z per pixel, (height, width, 2), read-only; NaN where there is none."""
+    distorted = image_plane(width, height, fx, fy, cx, cy)
+    numbers = np.array(distortion)
+    slopes = undistort_points(distorted.reshape(-1, 2), numbers, radial_limit(numbers))
+    slopes.flags.writeable = False
+    return slopes.reshape(distorted.shape)
+
+
 class ViewModel(ABC):
     """What a camera is to the occlusion: a size in pixels and a ray for each."""
 
@@ -283,12 +301,10 @@ class PinholeView(ViewModel):
 
     def _slopes(self) -> npt.NDArray[np.float64]:
         """Return x / z and y / z per pixel, (height, width, 2), NaN where there is no ray."""
-        distorted = image_plane(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
+        numbers = (self.width, self.height, self.fx, self.fy, self.cx, self.cy)
         if self.is_straight:
-            return distorted
-        numbers = np.array(self.distortion)
-        slopes = undistort_points(distorted.reshape(-1, 2), numbers, self._radial_limit)
-        return slopes.reshape(distorted.shape)
+            return image_plane(*numbers)
+        return _undistorted_plane(*numbers, self.distortion)
 
 
 @dataclass(frozen=True)
