@@ -1,4 +1,4 @@
-"""The transform of the map, from recorded poses on it (amcl_pose) where it was not recorded."""
+"""The transform of the map where none was recorded, from poses on it (amcl_pose, robot_pose)."""
 
 from contextlib import suppress
 from typing import Final
@@ -19,7 +19,7 @@ _POSE_TYPES: Final = (
     "geometry_msgs/msg/PoseWithCovarianceStamped",
     "geometry_msgs/msg/PoseStamped",
 )
-"""The first is that of localisation; the second is asked where it tells nothing."""
+"""The first is that of localisation; the second counts where there is none on the map."""
 _NOT_OF_THE_ROBOT: Final = ("initialpose", "goal")
 """Parts of the names of topics with a user's guess where the robot is, and where it is to go."""
 
