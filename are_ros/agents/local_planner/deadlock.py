@@ -1,9 +1,10 @@
 """Deadlock resolution: an agent without progress pushes others out of its way, or tries a detour.
 
 Of two agents in each other's way the one of the higher priority pushes. The pushed agent inherits
-that priority, and so pushes the agents behind it (priority inheritance). Priorities are drawn anew
-every eight seconds by a hash of the id and that time, so no agent stays last for long. An agent
-that has to stand, as a follower behind its leader, steps aside only for one that has waited longer.
+that priority, and so pushes the agents behind it (priority inheritance). Priorities are a hash of
+the id and the time; they are turned round after eight seconds, and drawn anew after sixteen, so of
+two agents each is the first for a while, and may try what the other cannot. An agent that has to
+stand, as a follower behind its leader, steps aside only for one that has waited longer.
 The robot pushes the agents that stand where it is about to drive. Two agents that follow their
 paths towards each other swerve.
 
@@ -74,6 +75,13 @@ def hashed(a: int, b: int) -> float:
 
 
 @borrowing
+def _priority(artefact_id: int, epoch: int) -> float:
+    """Return the priority of an artefact; the order of two is turned round in every odd epoch."""
+    rank = hashed(artefact_id, epoch // 2)
+    return rank if epoch % 2 == 0 else 1.0 - rank
+
+
+@borrowing
 def keeps_way(agents: AgentArrays, i: int, now: int) -> bool:
     """Tell whether agent i follows its path, and does not swerve at present."""
     is_swerving = now < agents.memory[i].swerves_until
@@ -122,10 +130,11 @@ def push(
     if not can_yield(agents, i, j, now):
         return
     was_pushed, is_going = now < other.pushed_until, agents.command[j].has_goal == 1
-    rank, its_rank = hashed(agents.place[i].id, epoch), hashed(agents.place[j].id, epoch)
+    rank, its_rank = _priority(agents.place[i].id, epoch), _priority(agents.place[j].id, epoch)
     rank = max(rank, mine.push_rank) if is_pushed else rank
-    its_rank = max(its_rank, other.push_rank) if was_pushed else its_rank
-    if not is_pushing and is_going and rank <= its_rank:
+    if was_pushed and not is_pushing:
+        its_rank = max(its_rank, other.push_rank)
+    if is_going and rank <= its_rank:
         return
     if not was_pushed:  # it gets out of the way at once
         agents.due[j] = now

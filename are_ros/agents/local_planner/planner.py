@@ -249,9 +249,12 @@ def run(
     """
     size = agents.place.shape[0]
     due, squares = np.empty(size, np.bool_), np.empty((size, 3))
+    epoch, since = divmod(index, _RANKS_LAST_SECONDS * timing.second)
+    if since == 0:  # else two could go on to inherit from each other
+        for i in range(size):
+            agents.memory[i].push_rank = 0.0
     if _mark_due(due, squares, agents, now, robot, timing, workspace.box) > 0:
         buckets = fill(squares)
-        epoch = index // (_RANKS_LAST_SECONDS * timing.second)
         for i in range(size):
             if due[i]:
                 plan(agents, i, now, epoch, timing, floor, robot, buckets, workspace)

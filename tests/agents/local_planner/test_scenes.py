@@ -256,6 +256,22 @@ def test_who_follows_its_path_steps_aside_late_and_only_where_it_stands() -> Non
     street.run_until_there(90.0)
 
 
+CARRIER = Body((0.6, 0.4), (-0.05, 0.0), 1.0, 1.2, 0.7, 1.0)
+
+
+@pytest.mark.parametrize("begin_s", [0, 8, 16, 24, 32, 40])
+@pytest.mark.parametrize("ids", [(1, 2), (2, 1)])
+def test_two_in_each_others_turn_take_turns_to_push(ids: tuple[int, int], begin_s: int) -> None:
+    """Only one of them can make room; with the priority at the other they stood for minutes."""
+    street = Street(environment(room(10.25, 14.0)), index=round(begin_s / STEP_S))
+    near, far = ids
+    street.add(near, 8.89, 5.26, -0.58, CARRIER)
+    street.add(far, 9.21, 6.54, -0.06, CARRIER)
+    street.send(near, 7.23, 7.73, stop_there=False, planner="path_following")
+    street.send(far, 5.03, 9.18, planner="path_following")
+    street.run_until_there(45.0, within_m=1.0)
+
+
 def _cross_a_door(width_m: float, count: int, seconds: float) -> float:
     """Send people through a door from both sides; return when the last has reached its place."""
     cells = room(12.0, 8.0)
