@@ -29,7 +29,8 @@ WITHOUT_CAMERA_INFO: Final = (
     "--set camera.model:=pinhole takes the camera of the parameters (camera.*) instead"
 )
 WITHOUT_MAP: Final = (
-    "the recording has no map (nav_msgs/OccupancyGrid): give one with --map FILE.yaml"
+    "the recording has no map (nav_msgs/OccupancyGrid): give one with --map FILE.yaml; "
+    "`are inspect BAG` says whether anything else is missing"
 )
 
 
