@@ -386,14 +386,13 @@ def soak(**options: Any) -> None:
     from are_ros.lab.soak import RESULTS, write_soak
     from are_ros.lab.soak import soak as run
     from are_ros.replay.command import effective_parameters
-    from are_ros.replay.output_folder import prepare_folder
+    from are_ros.replay.output_folder import no_empty_folders, prepare_folder
     from are_ros.world.map_io import read_map_file
 
     parameters = effective_parameters(
         options["parameter_files"], options["assignments"], options["seed"]
     )
     grid = read_map_file(options["map_file"], parameters.frames.map)
-    prepare_folder(options["out"], RESULTS)
     minutes = options["minutes"]
     is_shown = sys.stderr.isatty()
     interval_s = 0.1 if is_shown else _LOGGED_EVERY_S
@@ -408,10 +407,10 @@ def soak(**options: Any) -> None:
     def move(done_min: float) -> None:
         bar.update(min(done_min, minutes) - bar.n)
 
-    with bar:
-        result = run(
-            grid, parameters, catalogue_of(parameters), artefact_minutes=minutes, progress=move
-        )
+    with no_empty_folders(options["out"]), bar:
+        prepare_folder(options["out"], RESULTS)
+        catalogue = catalogue_of(parameters)
+        result = run(grid, parameters, catalogue, artefact_minutes=minutes, progress=move)
     write_soak(result, grid, options["out"])
     for line in result.table():
         click.echo(line)

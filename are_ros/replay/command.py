@@ -39,6 +39,7 @@ from are_ros.replay.output_folder import (
     VIEW,
     all_or_nothing,
     animation_path,
+    no_empty_folders,
     remove_earlier_pictures,
 )
 from are_ros.replay.pictures import (
@@ -141,12 +142,15 @@ def replay_command(say: Say, **options: Any) -> bool:
     replay = options_of(**options)
     wanted = options.get("animate")
     film = None if wanted is None else animation_path(wanted, options["out"])
-    with ProgressBar() as bar:
-        outcome = run_replay(replay, say, bar.open)
+    scenario = replay.save_scenario
+    folders = [options["out"], *([] if scenario is None else [scenario.parent])]
     said: list[str] = []
-    with all_or_nothing(options["out"]):
-        remove_earlier_pictures(options["out"])
-        write_results(outcome, options["out"])
+    with no_empty_folders(*folders):
+        with ProgressBar() as bar:
+            outcome = run_replay(replay, say, bar.open)
+        with all_or_nothing(options["out"]):
+            remove_earlier_pictures(options["out"])
+            write_results(outcome, options["out"])
     is_filmed = True
     try:
         said += write_replay_view(outcome, options["out"])

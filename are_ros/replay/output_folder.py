@@ -27,6 +27,20 @@ def prepare_folder(folder: Path, results: Sequence[str] = RESULTS) -> None:
             raise BagError(f"--out {folder}: {name} cannot be written, a folder has that name")
 
 
+@contextmanager
+def no_empty_folders(*folders: Path) -> Iterator[None]:
+    """Remove the folders that a failing block has made, and those above them, if they are empty."""
+    above = [path for folder in folders for path in (folder, *folder.parents)]
+    missing = [path for path in above if not os.access(path, os.F_OK)]
+    try:
+        yield
+    except BaseException:
+        for path in missing:
+            with suppress(OSError):
+                path.rmdir()
+        raise
+
+
 def remove_earlier_pictures(folder: Path) -> None:
     """Remove the page and the animation of an earlier run; not every run writes them anew.
 

@@ -8,6 +8,7 @@ from are_ros.errors import BagError
 from are_ros.replay.output_folder import (
     RESULTS,
     all_or_nothing,
+    no_empty_folders,
     picture_beside,
     prepare_folder,
     prepare_scenario,
@@ -45,6 +46,26 @@ def test_a_folder_that_may_not_be_written_is_said(
     monkeypatch.setattr("os.access", lambda *_: False)
     with pytest.raises(BagError, match=r"--out .*: nothing can be written .*permission denied"):
         prepare_folder(tmp_path)
+
+
+def test_a_failing_run_leaves_no_empty_folder(tmp_path: Path) -> None:
+    """Those that it made go, up to the first that was there or holds something."""
+    old, new, used = tmp_path / "old", tmp_path / "a" / "b", tmp_path / "used" / "c"
+    old.mkdir()
+
+    def fail() -> None:
+        with no_empty_folders(old, new, used):
+            prepare_folder(new)
+            prepare_folder(used)
+            (tmp_path / "used" / "notes.txt").write_text("")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fail()
+    assert sorted(tmp_path.rglob("*")) == [old, tmp_path / "used", tmp_path / "used" / "notes.txt"]
+    with no_empty_folders(new):
+        prepare_folder(new)
+    assert new.is_dir()
 
 
 def test_pictures_of_an_earlier_run_go(tmp_path: Path) -> None:
