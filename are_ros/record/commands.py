@@ -14,7 +14,7 @@ from are_ros.record.publishers import PlayOptions
 from are_ros.record.recorder import record
 from are_ros.record.topics import RecordOptions
 from are_ros.replay.command import effective_parameters
-from are_ros.replay.output_folder import AUGMENTED, VIEW, animation_path
+from are_ros.replay.output_folder import AUGMENTED, VIEW, animation_path, earlier_exports
 from are_ros.replay.pictures import draw_recording, view_recording
 from are_ros.replay.progress import ProgressBar
 from are_ros.wording import counted
@@ -74,6 +74,8 @@ def demo_command(
     else:
         say(MISSING_VISER)
     say(f"recording    {out / AUGMENTED}\nnode's log   {out / 'node.log'}")
+    for line in earlier_exports(out):
+        say(line)
     return not outcome.skipped
 
 

@@ -39,8 +39,9 @@ from are_ros.replay.output_folder import (
     VIEW,
     all_or_nothing,
     animation_path,
+    earlier_exports,
     no_empty_folders,
-    remove_earlier_pictures,
+    remove_earlier,
 )
 from are_ros.replay.pictures import (
     DECISIONS,
@@ -149,7 +150,7 @@ def replay_command(say: Say, **options: Any) -> bool:
         with ProgressBar() as bar:
             outcome = run_replay(replay, say, bar.open)
         with all_or_nothing(options["out"]):
-            remove_earlier_pictures(options["out"])
+            remove_earlier(options["out"])
             write_results(outcome, options["out"])
     is_filmed = True
     try:
@@ -166,7 +167,7 @@ def replay_command(say: Say, **options: Any) -> bool:
         with all_or_nothing(options["out"]):
             write_json(options["out"] / TIMING, timing)
         summary = [*summary_lines(_metrics(outcome), timing), f"results in {options['out']}"]
-        for line in [*summary, *said, *complaints(outcome)]:
+        for line in [*summary, *said, *earlier_exports(options["out"]), *complaints(outcome)]:
             say(line)
     in_part = outcome.camera_problem, outcome.cloud_problem, outcome.scan_problem
     problems = outcome.refusals.counts, *in_part

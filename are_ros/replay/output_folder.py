@@ -7,13 +7,14 @@ from pathlib import Path
 from typing import Final
 
 from are_ros.errors import BagError
-from are_ros.wording import why_refused
+from are_ros.wording import listed, why_refused
 
 AUGMENTED: Final = "augmented.mcap"
 VIEW: Final = "view.html"
 METRICS: Final = "metrics.json"
 TIMING: Final = "timing.json"
 ANIMATION: Final = "animation.gif"
+_EXPORTS: Final = (".gif", ".glb", ".ply")
 RESULTS: Final = (AUGMENTED, "overview.png", VIEW, "effective.yaml", METRICS, TIMING)
 
 
@@ -41,14 +42,22 @@ def no_empty_folders(*folders: Path) -> Iterator[None]:
         raise
 
 
-def remove_earlier_pictures(folder: Path) -> None:
-    """Remove the page and the animation of an earlier run; not every run writes them anew.
-
-    Raises OSError.
-    """
-    for name in (VIEW, ANIMATION):
+def remove_earlier(folder: Path, names: Sequence[str] = (VIEW, ANIMATION)) -> None:
+    """Remove results of an earlier run which this one may not write anew. Raises OSError."""
+    for name in names:
         if not (folder / name).is_dir():
             (folder / name).unlink(missing_ok=True)
+
+
+def earlier_exports(folder: Path) -> list[str]:
+    """Return a sentence if meshes or animations in a folder are older than its recording.
+
+    The user has named them, so they are not removed.
+    """
+    written_ns = (folder / AUGMENTED).stat().st_mtime_ns
+    files = [file for file in folder.iterdir() if file.suffix in _EXPORTS]
+    names = sorted(file.name for file in files if file.lstat().st_mtime_ns < written_ns)
+    return [f"of an earlier run, in the same folder: {listed(names)}"] if names else []
 
 
 def prepare_scenario(path: Path) -> None:

@@ -128,8 +128,13 @@ def write_renamed(path: Path, duration_s: float) -> Path:
 
 
 def test_a_node_that_ends_early_is_one_sentence(ros_available: None, tmp_path: Path) -> None:
-    """It repeats the node's last line; nothing goes on running or waiting."""
+    """It repeats the node's last line; nothing goes on running or waiting.
+
+    Results of an earlier replay are gone: beside its metrics a recording counts as a replay's.
+    """
     del ros_available
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "metrics.json").write_text("{}")
     words = ("--set", f"catalogue:={tmp_path / 'none.yaml'}", "--out", tmp_path / "out")
     done = run_are("demo", SAMPLE, *words)
     assert done.returncode == 1
@@ -137,6 +142,7 @@ def test_a_node_that_ends_early_is_one_sentence(ros_available: None, tmp_path: P
     (sentence,) = [line for line in done.stderr.splitlines() if line.startswith("are: ")]
     assert sentence.startswith("are: the node ended early: ")
     assert "none.yaml" in sentence
+    assert not (tmp_path / "out" / "metrics.json").exists()
 
 
 def test_what_cannot_be_shown_is_one_sentence(ros_available: None, tmp_path: Path) -> None:

@@ -252,8 +252,13 @@ def test_inspect_passes_over_a_damaged_transform(
 def test_an_animation_is_in_the_time_that_is_said(
     sample_bag: Path, tmp_path: Path, run_are: RunAre
 ) -> None:
-    """It is a phase of timing.json, and the summary names it before it tells of the file."""
+    """It is a phase of timing.json, and the summary names it before it tells of the file.
+
+    A mesh of an earlier run is told, and kept.
+    """
     out, parts = tmp_path / "out", ("--skip", "grids", "--skip", "markers")
+    out.mkdir()
+    (out / "scene.glb").write_text("")
     done = run_are("replay", sample_bag, "--duration", 1, *parts, "--out", out, "--animate")
     assert done.returncode == 0, done.stderr
     phases = json.loads((out / "timing.json").read_text())["phases_s"]
@@ -261,6 +266,8 @@ def test_an_animation_is_in_the_time_that_is_said(
     said = done.stderr
     assert f"{sum(phases.values()):.1f} s with start-up, picture, view and animation" in said
     assert said.index("results in") < said.index("animation: ")
+    assert said.endswith("of an earlier run, in the same folder: scene.glb\n")
+    assert (out / "scene.glb").is_file()
 
 
 def test_a_check_by_other_parameters_than_the_run_s_names_them(tmp_path: Path) -> None:

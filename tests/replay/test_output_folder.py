@@ -1,5 +1,6 @@
 """The folder of a replay's results."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -8,11 +9,12 @@ from are_ros.errors import BagError
 from are_ros.replay.output_folder import (
     RESULTS,
     all_or_nothing,
+    earlier_exports,
     no_empty_folders,
     picture_beside,
     prepare_folder,
     prepare_scenario,
-    remove_earlier_pictures,
+    remove_earlier,
 )
 
 
@@ -73,11 +75,24 @@ def test_pictures_of_an_earlier_run_go(tmp_path: Path) -> None:
     for name in ("view.html", "film.gif", "run_view.html"):
         (tmp_path / name).write_text("")
     (tmp_path / "animation.gif").symlink_to("film.gif")
-    remove_earlier_pictures(tmp_path)
+    remove_earlier(tmp_path)
     assert sorted(file.name for file in tmp_path.iterdir()) == ["film.gif", "run_view.html"]
     (tmp_path / "animation.gif").mkdir()
-    remove_earlier_pictures(tmp_path)
+    remove_earlier(tmp_path)
     assert (tmp_path / "animation.gif").is_dir()
+
+
+def test_what_the_user_named_is_kept_and_told(tmp_path: Path) -> None:
+    """A mesh that is older than the recording shows another run; a new one, and notes do not."""
+    for number, name in enumerate(
+        ("film.gif", "scene.glb", "notes.txt", "augmented.mcap", "new.glb")
+    ):
+        (tmp_path / name).write_text("")
+        os.utime(tmp_path / name, ns=(number, number))
+    said = "of an earlier run, in the same folder: film.gif and scene.glb"
+    assert earlier_exports(tmp_path) == [said]
+    os.utime(tmp_path / "augmented.mcap", ns=(0, 0))
+    assert earlier_exports(tmp_path) == []
 
 
 def test_half_a_set_is_no_set(tmp_path: Path) -> None:
