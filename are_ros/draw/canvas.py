@@ -201,10 +201,6 @@ class Canvas:
         middle = (0.5 * (left + right), 0.5 * (top + bottom))
         self.text(text, middle, size_px, WHITE, anchor=(0.5, 0.5), halo=False)
 
-    def plate(self, place: Rectangle) -> None:
-        """Lighten a rectangle, for what is written on it."""
-        self.fill(_rounded(place, 5.0), WHITE, 0.8)
-
     def keep_only(self, place: Rectangle) -> None:
         """Make all white again but for a rectangle."""
         left, top, right, bottom = (round(side * self.fine) for side in place)

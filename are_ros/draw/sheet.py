@@ -211,16 +211,14 @@ class Sheet:
             self.canvas.text(text, (x, y), _LEGEND_PX - 1, anchor=anchor, halo=False)
 
     def _draw_scale(self) -> None:
-        """Draw a bar of a round length into the lower left corner of the map."""
-        canvas, view = self.canvas, self.view
-        length_m = round_length_m(0.18 * view.window.width_m)
-        left, bottom = view.left_px + 24.0, view.rectangle[3] - 24.0
-        right = left + length_m * view.px_per_m
-        canvas.plate((left - 8.0, bottom - 26.0, right + 8.0, bottom + 8.0))
+        """Draw a bar of a round length above the map; in the map it would hide something."""
+        length_m = round_length_m(0.18 * self.view.window.width_m)
+        right, bottom = self.view.rectangle[2] - 1.0, 38.0
+        left = right - length_m * self.view.px_per_m
         bracket = ((left, bottom - 5.0), (left, bottom), (right, bottom), (right, bottom - 5.0))
-        canvas.line(np.array(bracket), INK, 2.0)
+        self.canvas.line(np.array(bracket), INK, 2.0)
         middle = (0.5 * (left + right), bottom - 12.0)
-        canvas.text(f"{length_m:g} m", middle, 13, anchor=(0.5, 0.5), halo=False)
+        self.canvas.text(f"{length_m:g} m", middle, 13, anchor=(0.5, 0.5), halo=False)
 
 
 def round_length_m(longest_m: float) -> float:

@@ -22,16 +22,19 @@ def test_the_scale_is_a_round_length(longest_m: float, length_m: float) -> None:
 
 
 def test_the_scale_is_as_long_as_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In a window of 10 m it is a bracket of a metre, in the lower left corner."""
+    """In a window of 10 m it is a bracket of a metre; it stands above the map, and hides none."""
     sheet = Sheet.of(Window(0.0, 10.0, 0.0, 10.0), [])
     written = texts_written(monkeypatch)
     sheet.write(tmp_path / "a.png", "title", ["", "below it"])
     assert written == ["title", "below it", "1 m"]
     image = cv2.imread(str(tmp_path / "a.png"))
     assert image is not None
-    _, _, _, bottom = sheet.view.rectangle
-    bracket = (image[round(bottom) - 24] == INK[::-1]).all(axis=1)
-    assert np.ptp(np.flatnonzero(bracket)) == pytest.approx(sheet.view.px_per_m, abs=3)
+    left, top, right, bottom = (round(side) for side in sheet.view.rectangle)
+    is_ink = (image == INK[::-1]).all(axis=2)
+    bracket = np.flatnonzero(is_ink[38])
+    assert np.ptp(bracket) == pytest.approx(sheet.view.px_per_m, abs=3)
+    assert bracket.max() == pytest.approx(right, abs=2)
+    assert not is_ink[top:bottom, left:right].any()
 
 
 def test_legends_break_into_rows() -> None:
