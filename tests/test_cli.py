@@ -336,6 +336,33 @@ def test_a_ctrl_c_that_a_compiled_kernel_turns_into_an_error_interrupts(
         signal.signal(signal.SIGINT, before)
 
 
+PRESSING = """
+import signal, sys
+
+class Press:
+    def find_spec(name, *_):
+        if name == sys.argv[-1]:
+            signal.raise_signal(signal.SIGINT)
+
+sys.meta_path.insert(0, Press)
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
+from are_ros.__main__ import main
+main()
+"""
+"""`are` with a Ctrl-C when it imports the module that is its last word."""
+
+
+@pytest.mark.parametrize(
+    ("module", "status", "said"),
+    [("click", -signal.SIGINT, ""), ("are_ros.replay.command", 130, "\nare: interrupted\n")],
+)
+def test_an_early_ctrl_c_prints_no_traceback(module: str, status: int, said: str) -> None:
+    """While the modules of `are` are imported it ends the process, later it interrupts."""
+    words = [sys.executable, "-c", PRESSING, "inspect", module]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (status, "", said)
+
+
 def test_a_soak_that_could_not_be_written_does_not_begin(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

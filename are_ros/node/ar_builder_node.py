@@ -115,7 +115,10 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             with self._turn("transitions"):
                 self._configure(with_contact_policy(self.bridge.values, _ON_CONTACT))
         except AreError as cause:
-            self.get_logger().error(str(cause))
+            if self.is_wanted():
+                self.get_logger().error(str(cause))
+            else:
+                self.get_logger().info(f"not configured, as the node is to end: {cause}")
             self._close()
             return _FAILED
         except Exception:  # rclpy swallows it without a word
@@ -189,7 +192,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         self.get_logger().info("preparing the kernels (a minute or two the first time)")
         needs = WarmUpNeeds(MINIATURES)
         if not warm_up(catalogue, needs, self.is_wanted, count=self._tell_kernels):
-            raise NodeError("it is not configured: the node is to end")
+            raise NodeError("its kernels are not compiled")
         self._said.clear()
         subscriptions = self._inputs = Subscriptions(
             self, parameters.sensors, parameters.camera.others, self._store, self._say

@@ -195,6 +195,7 @@ def test_it_ends_while_kernels_compile(
     process.signal(signal.SIGINT)
     assert process.end(SOON_S) == 0
     assert not any("configured: the real map" in line for line in process.said)
+    assert not any(line.startswith("[ERROR") for line in process.said)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
