@@ -126,7 +126,7 @@ class NodeSnapshot:
     active_s: float = 0.0
     uses_sim_time: bool = False
     is_without_clock: bool = False
-    """It uses simulated time, and no /clock has come yet."""
+    """It uses simulated time, and no /clock has come yet, or only 0: rclpy knows no difference."""
     clocks: int = 0
     """How many publish the /clock that it uses; 0 unless there have been several for a while."""
     stamps_ahead_s: float | None = None
@@ -317,7 +317,10 @@ def name_doubt(snapshot: NodeSnapshot) -> str:
     )
 
 
-WITHOUT_CLOCK: Final = "use_sim_time is true, but nothing came on /clock: the time stands still"
+WITHOUT_CLOCK: Final = (
+    "use_sim_time is true, but nothing or only 0 came on /clock, as of a simulator that is paused: "
+    "the time stands still"
+)
 
 
 def _clock(snapshot: NodeSnapshot) -> Status:

@@ -208,7 +208,10 @@ TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
         {"uses_sim_time": True, "is_without_clock": True},
         "clock",
         Level.ERROR,
-        "use_sim_time is true, but nothing came on /clock: the time stands still",
+        (
+            "use_sim_time is true, but nothing or only 0 came on /clock, as of a simulator that is "
+            "paused: the time stands still"
+        ),
     ),
     (
         {"uses_sim_time": True, "clocks": 2},

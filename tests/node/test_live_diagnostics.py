@@ -12,7 +12,9 @@ pytest.importorskip("rclpy", reason=NOT_SET_UP)
 
 from rosgraph_msgs.msg import Clock
 
-from tests.node.live_bench import Bench
+from are_ros.conventions import NS_PER_S
+from are_ros.node.diagnostics import WITHOUT_CLOCK
+from tests.node.live_bench import Bench, stamp_ns
 from tests.node.live_scene import cloud, laser_mount, ns, pose_at, robot_at, room, scan, wall_voxels
 
 MakeBench = Callable[..., Bench]
@@ -152,15 +154,19 @@ def test_a_map_of_which_none_is_of_use_is_an_error(make_bench: MakeBench) -> Non
 
 
 def test_without_a_clock_that_is_said(make_bench: MakeBench) -> None:
-    """And the scans go on as they came."""
+    """And the scans go on as they came; a simulator that is paused at 0 counts as none."""
     bench = make_bench({}, "configure", "activate")
-    assert said(bench, "clock") == (
-        ERROR,
-        "use_sim_time is true, but nothing came on /clock: the time stands still",
-    )
+    metrics = bench.listen("metrics")
+    assert said(bench, "clock") == (ERROR, WITHOUT_CLOCK)
+    bench.clock(0.0)
+    assert said(bench, "clock") == (ERROR, WITHOUT_CLOCK)
     for service in ("clear", "reseed", "pause"):
         answer = bench.call(service)
-        assert (answer.success, answer.message) == (False, said(bench, "clock")[1])
+        assert (answer.success, answer.message) == (False, WITHOUT_CLOCK)
+    bench.tick(0.001)  # as Gazebo begins
+    bench.tick(0.1)
+    assert [stamp_ns(message) for message in metrics] == [NS_PER_S // 10]
+    assert said(bench, "clock") == (OK, "the time of /clock")
 
 
 def test_a_forgotten_simulated_time_is_the_cause(make_bench: MakeBench) -> None:
