@@ -95,6 +95,7 @@ def sentence_of(error: Exception) -> str:
 
 STAMP_AT: Final = 4
 """Where the stamp of a message with a header lies, in CDR and in ROS 1 alike."""
+_STAMPS_END_NS: Final = 2**31 * NS_PER_S
 _STAMPS: Final = (Struct(">iI"), Struct("<iI"))
 
 
@@ -120,6 +121,12 @@ def _has_same_fields(ros1: Any, ros2: Any, kind: str, type_name: str) -> bool:
     Then `ros1_to_cdr` of rosbags, which skips that number, converts its bytes.
     """
     return bool(_fields(ros1, kind) == _fields(ros2, type_name))
+
+
+@cache
+def _begins_with_header(store: Any, type_name: str) -> bool:
+    fields = store.fielddefs[type_name][1]
+    return bool(fields) and fields[0][1] == (Nodetype.NAME, _HEADER)
 
 
 def _fields(store: Any, type_name: str) -> list[tuple[str, Any]]:
@@ -534,7 +541,7 @@ class BagReader:
         BagError if the recording does not say what the type is, InputError for malformed bytes, and
         for a message of another type than expected.
         """
-        self._check_type(message)
+        self._check(message)
         connection = message.connection
         store = self._store_of(connection)
         try:
@@ -552,16 +559,21 @@ class BagReader:
         except AreError:
             return None
 
-    def _check_type(self, message: BagMessage) -> None:
-        """Raise InputError if a message is of another type than expected."""
+    def _check(self, message: BagMessage) -> None:
+        """Raise InputError for another type than expected, or a stamp that ROS 2 cannot hold."""
+        topic, kind = message.connection.topic, message.connection.msgtype
         if not self.is_expected(message):
-            topic, kind = message.connection.topic, message.connection.msgtype
             wanted = " or ".join(self._expected[topic])
             raise InputError(f"{topic}: a message is of type {kind}, not {wanted}")
+        stamp_ns = stamp_in(message.data, is_ros1=True) if self.is_ros1 else None
+        # the seconds are unsigned in ROS 1; rosbags reads large ones as negative
+        is_large = stamp_ns is not None and stamp_ns < 0
+        if is_large and _begins_with_header(self._store_of(message.connection), kind):
+            raise _large_stamp(message)
 
     def transforms(self, message: BagMessage) -> list[StampedTransform]:
         """Return the transforms of a TFMessage; as `deserialize` and `read_transforms`, quicker."""
-        self._check_type(message)
+        self._check(message)
         try:
             if not self.is_ros1 and is_plain_cdr(message.data):
                 return decode_transforms_cdr(message.data)
@@ -569,7 +581,10 @@ class BagReader:
             raise _malformed(message, cause) from cause
         if self.is_ros1 and message.connection.digest == ROS1_DIGEST:
             with suppress(StructError, UnicodeDecodeError):  # let the general way complain
-                return decode_transforms_ros1(message.data)
+                found = decode_transforms_ros1(message.data)
+                if any(transform.stamp_ns >= _STAMPS_END_NS for transform in found):
+                    raise _large_stamp(message)
+                return found
         return read_transforms(self.deserialize(message))
 
     def odometry(self, message: BagMessage) -> OdometryNumbers:
@@ -585,9 +600,8 @@ class BagReader:
         kind = message.connection.msgtype
         type_name = ros2_type(kind)
         if type_name == _TRANSFORMS:
-            with suppress(StructError):  # of a stamp that ROS 2 has not
-                return encode_transforms_cdr(self.transforms(message))
-        self._check_type(message)
+            return encode_transforms_cdr(self.transforms(message))
+        self._check(message)
         ros1, ros2 = self._store_of(message.connection), jazzy_typestore()
         try:
             if _has_same_fields(ros1, ros2, kind, type_name):
@@ -629,6 +643,11 @@ def _is_latched(connection: Any) -> bool:
 def _is_reliable(connection: Any) -> bool:
     profiles = getattr(connection.ext, "offered_qos_profiles", None)
     return not profiles or any(profile.reliability.name == "RELIABLE" for profile in profiles)
+
+
+def _large_stamp(message: BagMessage) -> InputError:
+    text = f"{message.topic}: the message at {message.log_time_ns} ns has a stamp after 2038"
+    return InputError(f"{text}, which ROS 2 cannot hold")
 
 
 def _malformed(message: BagMessage, cause: Exception) -> InputError:

@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from are_ros.bag.reader import BagReader
+from are_ros.bag.reader import BagReader, stamp_in
 from are_ros.bag.types import jazzy_typestore
 from are_ros.bag.writer import BagWriter
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import InputError
 from are_ros.messages.transforms import StampedTransform
 from are_ros.replay.listeners import InputCopy
 from are_ros.world.occupancy_grid import OccupancyGrid
@@ -173,3 +175,46 @@ def test_ros1_types_with_the_same_fields_become_the_bytes_that_ros2_writes(
     with BagReader([write_bag(tmp_path / "in.bag", entries)]) as reader:
         copied = [reader.as_ros2(message) for message in reader.messages()]
     assert copied == [bytes(store.serialize_cdr(one, one.__msgtype__)) for one in expected]
+
+
+@pytest.mark.parametrize("kind", ["nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage"])
+def test_a_stamp_of_ros1_after_2038_is_refused(
+    tmp_path: Path, write_bag: WriteBag, ros1_factory: RosbagsFactory, kind: str
+) -> None:
+    """Its seconds are unsigned: in ROS 2 they would be of 1901. The second before is the last."""
+
+    def stamped(seconds: int) -> Any:
+        stamp = ros1_factory.make("builtin_interfaces/msg/Time", sec=seconds)
+        header = ros1_factory.make("std_msgs/msg/Header", stamp=stamp, frame_id="map")
+        if kind == "nav_msgs/msg/Odometry":
+            return ros1_factory.make(kind, header=header)
+        edge = ros1_factory.make("geometry_msgs/msg/TransformStamped", header=header)
+        return ros1_factory.make(kind, transforms=[edge])
+
+    # rosbags writes -2^31 in the four bytes that ROS 1 reads as 2^31
+    records = [("/t", 1, stamped(2**31 - 1)), ("/t", 2, stamped(-(2**31)))]
+    read = BagReader.odometry if kind == "nav_msgs/msg/Odometry" else BagReader.transforms
+    with BagReader([write_bag(tmp_path / "in.bag", records)]) as reader:
+        last, over = reader.messages()
+        read(reader, last)
+        place = 4 if kind == "nav_msgs/msg/Odometry" else 8
+        assert stamp_in(reader.as_ros2(last), place) == (2**31 - 1) * NS_PER_S
+        for refused in (read, BagReader.as_ros2):
+            with pytest.raises(InputError, match=r"^/t: the message at 2 ns has a stamp aft"):
+                refused(reader, over)
+
+
+def test_a_name_of_ros1_that_is_not_utf8_is_copied_as_it_stands(
+    tmp_path: Path, write_bag: WriteBag, ros1_factory: RosbagsFactory
+) -> None:
+    """The replay refuses the message, and says so; its bytes are not lost, as those of ROS 2."""
+    header = ros1_factory.make("std_msgs/msg/Header", frame_id="frame")
+    odometry = ros1_factory.make("nav_msgs/msg/Odometry", header=header, child_frame_id="base")
+    with BagReader([write_bag(tmp_path / "in.bag", [("/odom", 1, odometry)])]) as reader:
+        (message,) = reader.messages()
+        data = bytes(message.data)
+        odd = message._replace(data=data.replace(b"frame", b"fr\xe4me"))
+        with pytest.raises(InputError, match=r"^/odom: the message at 1 ns is no nav_msgs"):
+            reader.odometry(odd)
+        plain = reader.as_ros2(message)
+        assert reader.as_ros2(odd) == plain.replace(b"frame", b"fr\xe4me") != plain
