@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from are_ros.conventions import NS_PER_S
-from are_ros.replay.progress import KernelBar, ProgressBar
+from are_ros.replay.progress import CountBar, KernelBar, ProgressBar
 
 Terminal = pytest.CaptureFixture[str]
 
@@ -73,6 +73,35 @@ def test_kernels_are_counted_once_that_takes_seconds(
     shown = terminal.readouterr().err.split("\r")[-1]
     assert "100%" in shown
     assert "6/6" in shown
+
+
+def test_what_is_done_is_counted_once_that_takes_seconds(
+    terminal: Terminal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the work fails the bar shows how far it came; what is quick shows none."""
+
+    def search(*done: int) -> None:
+        with CountBar("headings") as bar:
+            for count in done:
+                bar.count(count, 8)
+            assert done[-1] == 8, "the work failed"
+
+    search(3, 8)
+    assert "headings" not in terminal.readouterr().err
+    monkeypatch.setattr("are_ros.replay.progress._SLOW_S", 0.0)
+    search(3, 8)
+    shown = terminal.readouterr().err.split("\r")[-1]
+    assert "headings 100%" in shown
+    assert "8/8" in shown
+    with pytest.raises(AssertionError, match="the work failed"):
+        search(2, 6)
+    shown = terminal.readouterr().err.split("\r")[-1]
+    assert "headings  75%" in shown
+    assert "6/8" in shown
+    assert shown.endswith("\n")
+    monkeypatch.setattr(type(sys.stderr), "isatty", lambda _: False)
+    search(3, 8)
+    assert terminal.readouterr().err == ""
 
 
 def _compile(presses: int) -> None:
