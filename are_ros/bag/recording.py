@@ -98,7 +98,8 @@ class RecordingFiles:
             return ""
         return (
             f"; the defaults were taken, as no {PARAMETERS} of this run lies beside the recording:"
-            f" `ros2 param dump /ar_builder > {PARAMETERS}` writes the node's parameters"
+            " copy the node's parameter file there by that name, or write it with"
+            f" `ros2 param dump /ar_builder > {PARAMETERS}`"
         )
 
 

@@ -158,7 +158,13 @@ def describe(**options: Any) -> None:
 @click.command(cls=Command, short_help="Check a result or a live recording against the invariants.")
 @click.argument("recording", metavar="RECORDING", type=FILE)
 @click.option("--map", "map_file", metavar="FILE.yaml", type=FILE, help="The real map.")
-@click.option("--params", "parameters_file", metavar="FILE", type=FILE, help="Its parameters.")
+@click.option(
+    "--params",
+    "parameters_file",
+    metavar="FILE",
+    type=FILE,
+    help="Its parameters. [effective.yaml beside it]",
+)
 def check(recording: Path, map_file: Path | None, parameters_file: Path | None) -> None:
     """Check what the node or a replay gave out, by a program of its own.
 
@@ -190,8 +196,8 @@ def view(
     """Write a page to look around in: map, walls, robot, what its camera sees, artefacts, scans.
 
     RECORDING is a result of `are replay`, `are demo` or `are record`, or any recording of the
-    node's topics. The page plays in a browser, without a network; it needs viser to be written.
-    With --animate an animation of all from above, instead.
+    node's topics; effective.yaml beside it has its parameters. The page plays in a browser, without
+    a network; it needs viser to be written. With --animate an animation of all from above, instead.
 
     It goes into the recording's folder, as view.html or animation.gif; that of a file with a name
     of its own begins with it: run.mcap has run_view.html.
@@ -279,7 +285,7 @@ def export(
     """Write what a recording holds into files of other programs.
 
     RECORDING is a result of `are replay`, `are demo` or `are record`, or any recording of the
-    node's topics.
+    node's topics; effective.yaml beside it has its parameters.
 
     With --mesh the scene at one time: the surface of what stands in the place (the octomap, or the
     walls of the map), its floor, and the artefacts where they were, coloured by class. Lengths are

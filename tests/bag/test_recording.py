@@ -18,6 +18,7 @@ from are_ros.bag.recording import (
     stamp_of,
 )
 from are_ros.conventions import NS_PER_S
+from are_ros.parameters.model import Parameters
 
 TENTH = NS_PER_S // 10
 
@@ -141,3 +142,15 @@ def test_the_parameters_of_another_run_in_the_folder_are_not_taken(tmp_path: Pat
     (tmp_path / "augmented.mcap").touch()
     assert find_recording(tmp_path / "live.mcap").parameters is None
     assert find_recording(tmp_path).parameters == tmp_path / "effective.yaml"
+
+
+def test_it_is_said_how_the_parameters_of_a_live_run_are_given(tmp_path: Path) -> None:
+    """Without ROS's tools, too: the file that the node took, by the name of a run's own."""
+    (tmp_path / "run.mcap").touch()
+    found = find_recording(tmp_path / "run.mcap")
+    assert found.effective() == Parameters()
+    assert "copy the node's parameter file there by that name, or write it with" in found.untold
+    given = "ar_builder: {ros__parameters: {seed: 7, frames: {base: chassis}}}"
+    (tmp_path / "effective.yaml").write_text(given, encoding="utf-8")
+    found = find_recording(tmp_path / "run.mcap")
+    assert (found.effective().frames.base, found.untold) == ("chassis", "")
