@@ -100,6 +100,10 @@ class Ground(Protocol):
         """Return the least height that there is."""
         ...
 
+    def highest_m(self) -> float:
+        """Return the greatest height that there is."""
+        ...
+
     def heights(self, points_m: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
         """Return the floor's height (N,) at each of the finite points (N, 2) of the map frame."""
         ...
@@ -112,6 +116,10 @@ class PlaneGround:
     height_m: float = 0.0
 
     def lowest_m(self) -> float:
+        """Return the plane's height."""
+        return self.height_m
+
+    def highest_m(self) -> float:
         """Return the plane's height."""
         return self.height_m
 
@@ -170,6 +178,10 @@ class VoxelGround:
     def lowest_m(self) -> float:
         """Return the least height of a column."""
         return float(self.heights_m.min())
+
+    def highest_m(self) -> float:
+        """Return the greatest height of a column."""
+        return float(self.heights_m.max())
 
     def heights(self, points_m: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
         """Return the floor's height (N,) at each of the finite points (N, 2) of the map frame."""

@@ -136,6 +136,37 @@ def spines_are_clear(
     return found[:count]
 
 
+@compiled
+def cells_near_boxes(
+    shape: tuple[int, int],
+    packed: npt.NDArray[np.float64],
+    lattice: npt.NDArray[np.float64],
+    radius_m: float,
+) -> npt.NDArray[np.bool_]:
+    """Tell which cells of a grid have their centre less than a radius from one of the boxes.
+
+    The boxes are packed ones, seen from above; none is near if the radius is not positive.
+    """
+    near = np.zeros(shape, np.bool_)
+    cell_m = lattice[4]
+    for i in range(packed.shape[0] if radius_m > 0.0 else 0):
+        reach_m = np.hypot(packed[i, 5], packed[i, 6]) + radius_m
+        dx_m, dy_m = packed[i, 0] - lattice[0], packed[i, 1] - lattice[1]
+        x_m, y_m = dx_m * lattice[2] + dy_m * lattice[3], dy_m * lattice[2] - dx_m * lattice[3]
+        cos = packed[i, 3] * lattice[2] + packed[i, 4] * lattice[3]
+        sin = packed[i, 4] * lattice[2] - packed[i, 3] * lattice[3]
+        low_row = max(0, int(np.floor((y_m - reach_m) / cell_m)))
+        low_col = max(0, int(np.floor((x_m - reach_m) / cell_m)))
+        for row in range(low_row, min(shape[0], int(np.ceil((y_m + reach_m) / cell_m)))):
+            for col in range(low_col, min(shape[1], int(np.ceil((x_m + reach_m) / cell_m)))):
+                dx_m, dy_m = (col + 0.5) * cell_m - x_m, (row + 0.5) * cell_m - y_m
+                ahead_m = max(abs(dx_m * cos + dy_m * sin) - packed[i, 5], 0.0)
+                aside_m = max(abs(dy_m * cos - dx_m * sin) - packed[i, 6], 0.0)
+                if ahead_m * ahead_m + aside_m * aside_m < radius_m * radius_m:
+                    near[row, col] = True
+    return near
+
+
 def spine_of(
     half_length: float, half_width: float, offset: tuple[float, float]
 ) -> tuple[npt.NDArray[np.float64], float]:
@@ -202,6 +233,7 @@ _Cells = npt.NDArray[np.int32]
 _Poses = npt.NDArray[np.int64]
 """Lattice poses as numbers: (row * width + col) * `HEADINGS` + heading."""
 _Floats = npt.NDArray[np.float64]
+_Mask = npt.NDArray[np.bool_]
 
 
 def lattice_cells(grid: OccupancyGrid, flat: _Cells) -> _Cells:
@@ -266,6 +298,8 @@ _FEW: Final = 4
 _CHUNK_CELLS: Final = 1 << 11
 _CHUNK_POSES: Final = 1 << 14
 _KEPT_POSES: Final = LATTICE_CELLS * HEADINGS
+_OVERLAP_M: Final = 1e-6
+"""Boxes that overlap by less, as far as discs in them tell, are compared exactly."""
 
 
 class _Static(NamedTuple):
@@ -433,9 +467,14 @@ class Placer:
     def _lattice_poses(
         self, query: PlacementQuery, cells: CandidateCells
     ) -> Iterator[tuple[_Poses, bool]]:
-        """Yield pieces of the lattice with all poses the map allows, and if they are checked."""
+        """Yield pieces of the lattice with all feasible poses, and if the map allows each.
+
+        Poses where a disc in the box already meets another artefact are left out.
+        """
+        taken = self._taken_cells(query).ravel()
         if query.around.within is not None:
-            yield from ((piece, False) for piece in self._scan(query, cells))
+            for piece in self._scan(query, cells):
+                yield piece[~taken[piece // HEADINGS]], False
             return
         known = self._static.get(query.key)
         if known is None:
@@ -444,8 +483,23 @@ class Placer:
         known = self._checked_on(query, known)
         self._remember(query.key, known)
         for poses, is_checked in ((known.allowed, True), (known.unchecked, False)):
-            for start in range(0, poses.size, _CHUNK_POSES):
-                yield poses[start : start + _CHUNK_POSES], is_checked
+            left = poses[~taken[poses // HEADINGS]]
+            for start in range(0, left.size, _CHUNK_POSES):
+                yield left[start : start + _CHUNK_POSES], is_checked
+
+    def _taken_cells(self, query: PlacementQuery) -> _Mask:
+        """Tell at which cells (H, W) the box, however turned, overlaps another artefact.
+
+        A sufficient condition: the disc in it, about the centre of the cell, meets another box by
+        some 1e-6 m, and so do the heights, wherever on the map the ground is.
+        """
+        radius_m = _inscribed_radius_m(query.row) - _OVERLAP_M
+        packed, half_height_m = query.around.others.packed, 0.5 * query.row.size_m[2]
+        ground = self._environment.ground
+        centres_m = np.array([[ground.lowest_m()], [ground.highest_m()]]) + half_height_m
+        apart_m = np.abs(packed[:, 2] - centres_m).max(axis=0)
+        is_level = packed[:, 7] + half_height_m - apart_m > _OVERLAP_M
+        return cells_near_boxes(self._region.mask.shape, packed[is_level], self._lattice, radius_m)
 
     def _checked_on(self, query: PlacementQuery, known: _Static) -> _Static:
         """Check some thousand more poses of a footprint; all would take longer than the search."""

@@ -1,7 +1,7 @@
 """Placement: uniform over the feasible poses, blocked only where there is none."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -26,7 +26,7 @@ from are_ros.builder.spawning.placement import (
 )
 from are_ros.population.artefact import GroundPose, boxes_of
 from are_ros.population.catalogue import CatalogueRow, MotionLimits
-from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.boxes import OrientedBoxes, overlaps_any
 from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.footprint import Footprint
 from are_ros.world.occupancy_grid import classify
@@ -290,6 +290,58 @@ def test_a_search_gives_the_same_however_much_is_known() -> None:
     assert not static.unchecked.size
     assert static.allowed.size == _lattice_poses(placer, row, None) > 60_000
     assert {*found} == {placer_of(free, 0.1).place(row, stream(1), around)} != {None}
+
+
+@dataclass(frozen=True)
+class _Ramp:
+    """A ground that is as high as x - 20, from 0 to `top_m`."""
+
+    top_m: float
+
+    def lowest_m(self) -> float:
+        return 0.0
+
+    def highest_m(self) -> float:
+        return self.top_m
+
+    def heights(self, points_m: npt.NDArray[np.floating]) -> Floats:
+        return np.clip(points_m[:, 0] - 20.0, 0.0, self.top_m)
+
+
+@pytest.mark.parametrize(("top_m", "least_share"), [(0.0, 0.5), (0.4, 0.5), (3.0, 0.0)])
+@pytest.mark.parametrize("is_group", [False, True])
+def test_what_a_search_leaves_out_overlaps_another(
+    top_m: float, least_share: float, *, is_group: bool
+) -> None:
+    """On a turned map, beside what stands and what hangs high: only poses that are taken.
+
+    Where the ground is so uneven that boxes may stand above each other, none is left out.
+    """
+    free, row = np.ones((60, 70), np.bool_), row_of(0.8, 0.5, (0.1, 0.05))
+    flat = environment_of(free, 0.1, RigidTransform.planar(20.0, -5.0, 0.7))
+    environment = replace(flat, ground=_Ramp(top_m))
+    middle_m = flat.grid.cells_to_points(np.array([[30, 35]]))[0]
+    generator = np.random.default_rng(3)
+    around_m = middle_m + generator.uniform(-3.0, 3.0, (25, 2))
+    yaws_rad, half_sizes_m = generator.uniform(-4.0, 4.0, 25), generator.uniform(0.1, 0.6, (25, 3))
+    centres_m = np.column_stack((around_m, half_sizes_m[:, 2]))
+    centres_m[:8, 2] += 5.0
+    others = OrientedBoxes(centres_m, yaws_rad, half_sizes_m)
+    placer = Placer(environment, region_of(free))
+    within = (*middle_m, math.inf) if is_group else None
+
+    def numbers(boxes: OrientedBoxes) -> npt.NDArray[np.int64]:
+        query = PlacementQuery(row, PlacementConstraints(boxes, within=within))
+        return np.concatenate([piece for piece, _ in placer._lattice_poses(query, placer._cells)])
+
+    out = np.setdiff1d(numbers(OrientedBoxes.empty()), numbers(others))
+    boxes, _ = placer._standing(row, lattice_poses(environment.grid, out))
+    assert overlaps_any(boxes, others).all()
+    everywhere = np.flatnonzero(np.ones(60 * 70 * HEADINGS))
+    boxes, _ = placer._standing(row, lattice_poses(environment.grid, everywhere))
+    are_taken = overlaps_any(boxes, others).reshape(-1, HEADINGS).all(axis=1)
+    assert out.size >= least_share * HEADINGS * np.count_nonzero(are_taken)
+    assert bool(out.size) == (least_share > 0.0)
 
 
 def test_nothing_ever_overlaps() -> None:
