@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from are_ros._compiled import compiled
 from are_ros.agents.mdp.coarse_map import Cell, CoarseMap
 from are_ros.agents.neighbours import Neighbourhood
 from are_ros.world.occupancy_grid import OccupancyGrid
@@ -108,13 +109,24 @@ def _spread(
     if not count:
         return chosen
     chosen[0] = room_m.argmax()
-    nearest = ((cells - cells[chosen[0]]) ** 2).sum(axis=1)
+    nearest = np.full(len(cells), np.iinfo(np.int64).max)
+    lower_to_squares(nearest, cells, chosen[0])
     for number in range(1, count):
         drawn = random.integers(len(cells), size=_DRAWN)
         best = drawn[nearest[drawn].argmax()]
         chosen[number] = best if nearest[best] else nearest.argmax()
-        np.minimum(nearest, ((cells - cells[chosen[number]]) ** 2).sum(axis=1), out=nearest)
+        lower_to_squares(nearest, cells, chosen[number])
     return chosen
+
+
+@compiled
+def lower_to_squares(
+    nearest: npt.NDArray[np.int64], cells: npt.NDArray[np.int64], chosen: int
+) -> None:
+    """Lower each of the numbers (N,) to the squared distance of its cell to the chosen one."""
+    for k in range(cells.shape[0]):
+        rows, cols = cells[k, 0] - cells[chosen, 0], cells[k, 1] - cells[chosen, 1]
+        nearest[k] = min(nearest[k], rows * rows + cols * cols)
 
 
 # The destinations that one type can reach from a position, on its coarse map.

@@ -139,15 +139,31 @@ class VehicleDepartureCheck(DepartureConstraint):
 
         field, unit_m = self._terrain.clearance_m, self._terrain.grid.resolution_m
         open_cells = discs_fit(field, self.radius_m, unit_m).view(np.uint8)
-        count, labels, boxes, _ = cv2.connectedComponentsWithStats(open_cells, connectivity=4)
+        _, labels, boxes, _ = cv2.connectedComponentsWithStats(open_cells, connectivity=4)
         sides = boxes[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
-        is_roomy = np.zeros(count, np.bool_)
-        is_roomy[labels[self._region]] = True
-        is_roomy &= sides * unit_m >= LEAST_PART_M
-        is_roomy[0] = False
-        mask = is_roomy[labels].view(np.uint8)
+        is_large = sides * unit_m >= LEAST_PART_M
+        is_large[0] = False
+        mask = parts_in(labels, is_large, self._region).view(np.uint8)
         roomy: _Mask = cv2.dilate(mask, np.ones((3, 3), np.uint8)).view(np.bool_)
         return roomy
+
+
+@compiled
+def parts_in(labels: npt.NDArray[np.int32], is_large: _Mask, region: _Mask) -> _Mask:
+    """Return the cells (H, W) of the large ones of the labelled parts that have a cell of a region.
+
+    `is_large` (N,) is by label; a pass of a kernel takes a fifth of the time of numpy's index.
+    """
+    has_cell, out = np.zeros(is_large.shape[0], np.bool_), np.empty(labels.shape, np.bool_)
+    for row in range(labels.shape[0]):
+        for col in range(labels.shape[1]):
+            if region[row, col]:
+                has_cell[labels[row, col]] = True
+    has_cell &= is_large
+    for row in range(labels.shape[0]):
+        for col in range(labels.shape[1]):
+            out[row, col] = has_cell[labels[row, col]]
+    return out
 
 
 def _row_of(body: Body) -> _Floats:

@@ -6,7 +6,7 @@ poses. Both prefer poses from which the artefact can depart.
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final, NamedTuple
 
@@ -50,17 +50,10 @@ class CandidateCells:
 
     @classmethod
     def ordered(
-        cls,
-        flat: npt.NDArray[np.int32],
-        clearance_cells: npt.NDArray[np.float32],
-        weights: npt.NDArray[np.float64] | None,
+        cls, flat: npt.NDArray[np.int32], clearance_cells: npt.NDArray[np.float32]
     ) -> "CandidateCells":
-        """Order cells (N,) with their clearance in cells (N,) and their weights (N,)."""
-        levels = np.minimum(clearance_cells * _LEVELS_PER_CELL, _HIGHEST_LEVEL).astype(np.uint16)
-        depths = np.uint16(_HIGHEST_LEVEL) - levels
-        order = np.argsort(depths, kind="stable")
-        cumulative = None if weights is None else np.cumsum(weights[order])
-        return cls(flat[order], depths[order], cumulative)
+        """Order cells (N,) with their clearance in cells (N,); of equal ones the first is first."""
+        return cls(*sorted_by_depth(flat, clearance_cells), None)
 
     def with_room(self, radius_cells: float) -> "CandidateCells":
         """Return the cells with a point about which a disc may be clear (a superset)."""
@@ -78,6 +71,25 @@ class CandidateCells:
             quantile = uniforms * self.cumulative[-1]
             chosen = np.searchsorted(self.cumulative, quantile, side="right")
         return self.flat[np.minimum(chosen, len(self.flat) - 1)].astype(np.int64)
+
+
+@compiled
+def sorted_by_depth(
+    flat: npt.NDArray[np.int32], clearance_cells: npt.NDArray[np.float32]
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.uint16]]:
+    """Return cells (N,) and their depths, as in `CandidateCells`: a stable counting sort."""
+    unsorted, starts = np.empty(flat.shape[0], np.uint16), np.zeros(_HIGHEST_LEVEL + 2, np.int64)
+    for k in range(flat.shape[0]):
+        level = min(clearance_cells[k] * np.float32(_LEVELS_PER_CELL), np.float32(_HIGHEST_LEVEL))
+        unsorted[k] = _HIGHEST_LEVEL - np.int64(level)
+        starts[unsorted[k] + 1] += 1
+    starts = np.cumsum(starts)
+    cells, depths = np.empty_like(flat), np.empty_like(unsorted)
+    for k in range(flat.shape[0]):
+        at = starts[unsorted[k]]
+        cells[at], depths[at] = flat[k], unsorted[k]
+        starts[unsorted[k]] = at + 1
+    return cells, depths
 
 
 def poses_in_cells(
@@ -532,7 +544,7 @@ class Placer:
                 piece, self._clearance_cells, spine_m / resolution_m, turns, least
             )
 
-    def _weights(self, flat: _Poses) -> _Floats:
+    def _weights(self, flat: _Cells | _Poses) -> _Floats:
         if self._region.weight is None:
             return np.ones(flat.size)
         return self._region.weight.ravel()[flat].astype(np.float64)
@@ -548,8 +560,10 @@ class Placer:
 
     def _ordered(self, flat: _Poses) -> CandidateCells:
         clearance_cells = self._clearance_cells.ravel()[flat]
-        weights = None if self._region.weight is None else self._weights(flat)
-        return CandidateCells.ordered(flat.astype(np.int32), clearance_cells, weights)
+        cells = CandidateCells.ordered(flat.astype(np.int32), clearance_cells)
+        if self._region.weight is None:
+            return cells
+        return replace(cells, cumulative=np.cumsum(self._weights(cells.flat)))
 
     def _cells_near(self, x_m: float, y_m: float, radius_m: float) -> CandidateCells:
         """Return the region's cells that meet a disc, and perhaps some beside it."""

@@ -573,11 +573,23 @@ def test_an_empty_region_has_no_place() -> None:
     assert placer.place(row_of(0.0, 0.0), stream(1)) is None
 
 
+def test_cells_of_equal_clearance_keep_their_order() -> None:
+    """More clearance first, by quarters of a cell and up to a bound; of equal cells the first."""
+    generator = np.random.default_rng(2)
+    clearance = generator.choice([0.0, 0.3, 1.0, 1.2, 7.7, 16384.0, 1e6], 5000).astype(np.float32)
+    flat = generator.permutation(9000)[:5000].astype(np.int32)
+    cells = CandidateCells.ordered(flat, clearance)
+    levels = np.minimum(clearance * 4, 65535).astype(int)
+    order = np.argsort(-levels, kind="stable")
+    np.testing.assert_array_equal(cells.flat, flat[order])
+    np.testing.assert_array_equal(cells.depths, 65535 - levels[order])
+
+
 @given(levels=st.lists(st.floats(1.0, 20.0), min_size=1, max_size=30), radius=st.floats(0.0, 25.0))
 def test_cells_with_room_are_those_with_clearance(levels: list[float], radius: float) -> None:
     """The prefix holds every cell with the clearance, and none that lacks half a cell of it."""
     clearance = np.array(levels, np.float32)
-    cells = CandidateCells.ordered(np.arange(len(levels), dtype=np.int32), clearance, None)
+    cells = CandidateCells.ordered(np.arange(len(levels), dtype=np.int32), clearance)
     np.testing.assert_array_equal(
         cells.flat, np.argsort(-(clearance * 4).astype(int), kind="stable")
     )
