@@ -16,6 +16,7 @@ from are_ros.builder.spawning._departure_constraint import (
     VehicleDepartureCheck,
     departure_constraint_of,
     discs_are_free,
+    parts_in,
 )
 from are_ros.population.catalogue import CatalogueRow, MotionLimits
 from are_ros.world.rigid_transform import RigidTransform
@@ -123,6 +124,15 @@ def test_a_part_too_short_for_a_trip_is_a_pocket() -> None:
         assert discs_are_free(terrain.clearance_m, terrain.lattice, cell_m * points, 0.1).all()
         assert roaming.is_free_at(cell_m * points).tolist() == expected
         assert roaming.is_anywhere == any(expected)
+
+
+def test_of_the_large_parts_those_with_a_cell_of_the_region_count() -> None:
+    """Part 1 is large, but beside the region; part 2 is small; all of part 3 counts."""
+    labels = np.array([[0, 1, 1, 0], [2, 2, 3, 3], [0, 0, 3, 3]], np.int32)
+    region = np.zeros(labels.shape, np.bool_)
+    region[0, 0] = region[1, 1] = region[1, 2] = True
+    found = parts_in(labels, np.array([False, True, False, True]), region)
+    np.testing.assert_array_equal(found, labels == 3)
 
 
 @pytest.mark.parametrize("size_m", [(1.25, 0.58), (2.1, 1.1), (4.3, 1.8), (0.4, 0.4)])
