@@ -229,7 +229,8 @@ def _by_type(
     named = {topic.name: topic for topic in candidates}
     for name, image in beside.items():
         if name in named:
-            return FoundRole(role, named[name], f"{role}: {name}, beside {image}, is used, for {why}")
+            sentence = f"{role}: {name}, beside {image}, is used, for {why}"
+            return FoundRole(role, named[name], sentence)
     if candidates:
         names = ", ".join(named)
         sentence = f"{role}: {why}, and several topics are {candidates[0].type_name}: {names}"
