@@ -36,7 +36,7 @@ def play_command(say: Say, remaps: Sequence[str], **options: Any) -> bool:
 def record_command(say: Say, **options: Any) -> bool:
     """Run `are record`; return whether something is recorded, and nothing was lost."""
     with stop_on_signals(is_last=False) as stop:
-        ready = "recording; Ctrl-C ends it"
+        ready = f"recording into {options['path']}; Ctrl-C ends it"
         outcome = record(RecordOptions(**options), say, lambda: say(ready), stop.should_stop)
     for topic, count in sorted(outcome.counts.items()):
         say(f"{count:8d} {topic}")

@@ -101,7 +101,7 @@ def test_record_says_what_it_recorded(ros_available: None, tmp_path: Path) -> No
     path = tmp_path / "nothing.mcap"
     assert not record_command(said.append, path=path, topics=("/nobody*",), duration_s=0.2)
     nothing = "nothing is recorded: no message arrived on any topic"
-    assert said == ["recording; Ctrl-C ends it", nothing, f"{path}: 0.0 MB"]
+    assert said == [f"recording into {path}; Ctrl-C ends it", nothing, f"{path}: 0.0 MB"]
     assert path.is_file()
     named = {"path": path, "topics": ("/nobody",), "duration_s": 0.2}
     assert not record_command(said.append, **named, overwrite=True)
