@@ -88,7 +88,7 @@ MEMORY = np.dtype(
         ("detour", "f8"),  # angle of the detour from the direction of the goal
         ("pushed_until", "i8"),
         ("push_by", "i8"),  # id of the agent that pushes it
-        ("push_rank", "f8"),  # the priority that it inherits
+        ("push_rank", "f8"),  # the priority that it inherits, until priorities change
         ("push_x", "f8"),  # where that agent is, and where it wants to go
         ("push_y", "f8"),
         ("push_cos", "f8"),
