@@ -62,6 +62,8 @@ _SENTENCES = (
     ("checksum mismatch", _DAMAGED),
 )
 
+_CUT_OFF = ("EndOfFile", "InvalidMagic", "RecordLengthLimitExceeded")
+"""The mcap package's errors for a file whose end is missing: it looks there for the index first."""
 _PLAIN_SPOKEN = ("ReaderError", "SerdeError", "TypesysError", "FileNotFoundError")
 """Errors whose text describes the data; the text of others describes the code that failed."""
 
@@ -88,6 +90,8 @@ def sentence_of(error: Exception) -> str:
         if part in text:
             return sentence
     name = type(error).__name__
+    if name in _CUT_OFF:
+        return _RECOVER
     if isinstance(error, PermissionError):
         return "there is no permission to read it"
     return f"it cannot be read: {text}" if name in _PLAIN_SPOKEN else "it is damaged"

@@ -57,7 +57,8 @@ def check_recording(
     A folder with augmented.mcap and metrics.json is a replay's. The real map is `map_file`, else
     the one in the recording; the parameters `parameters_file`, else effective.yaml beside it.
     What is wrong with the recording, damaged bytes too, is a failed result; what cannot be looked
-    at, a skipped one with the reason. Each comes when it is known; those of readings take longest.
+    at, a skipped one with the reason. Of a file that cannot be opened nothing else follows. Each
+    comes when it is known; those of readings take longest.
     Raises BagError where there is no recording of ar_builder, MapError or ParameterError for a bad
     map file or parameters.
     """
@@ -70,6 +71,9 @@ def check_recording(
         if is_live and reading.is_open and not any(t.startswith(PREFIX) for t in reading.topics):
             raise BagError(f"{files.path}: it holds no topic of the node, none begins {PREFIX}")
         yield of_file
+        if not reading.is_open:  # there is nothing to look at
+            yield reading.tally.result()
+            return
         reading.read_all_but_grids()
         record = reading.record
         given = None
