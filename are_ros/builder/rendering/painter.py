@@ -329,14 +329,14 @@ class Painter:
         level = boxes.turns[:, :2, 0]  # the box's x axis in the map's plane
         level = level / np.linalg.norm(level, axis=1, keepdims=True)
         foots = np.empty((count, 7), dtype=np.float32)
-        foots[:, :2], foots[:, 2] = boxes.centres_m[:, :2], boxes.grounds_m
+        places_m = np.column_stack((boxes.centres_m[:, :2], boxes.grounds_m))
+        foots[:, :3] = places_m - map_from_camera.translation_m  # float32 is coarse far away
         foots[:, 3:5] = level
         foots[:, 5:] = boxes.half_sizes_m[:, :2]
-        camera_m = map_from_camera.translation_m.astype(np.float32)
         turn, share = map_from_camera.rotation_matrix().astype(np.float32), np.float32(strength)
         left, marks = self._shadow_left, self._marks
         for window, foot in zip(windows.astype(np.int32), foots, strict=True):
-            darken(self._flat_rays, window, camera_m, turn, foot, real_m, share, left, marks)
+            darken(self._flat_rays, window, turn, foot, real_m, share, left, marks)
 
     def _composed(
         self, pixels: npt.NDArray[np.uint8], lighting: Lighting, random: np.random.Generator

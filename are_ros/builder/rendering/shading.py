@@ -280,7 +280,6 @@ def _light(
 def darken(
     rays: Floats,
     window: Integers,
-    camera: Floats,
     map_from_camera: Floats,
     box: Floats,
     real: Floats,
@@ -290,16 +289,16 @@ def darken(
 ) -> None:
     """Lower the share (H, W) of the light that reaches the floor near a body.
 
-    `rays` (3, H, W) are those of pixels, `camera` (3,) the camera's place, `map_from_camera` (3, 3)
-    its rotation, `box` (7,) the body's x, y, the height of its ground, cosine and sine of its yaw,
-    and half its length and width. `window` is in pixels; the blocks of `marks` (H, B) from the
+    `rays` (3, H, W) are those of pixels, `map_from_camera` (3, 3) the camera's rotation, `box` (7,)
+    the body's x, y and the height of its ground from the camera's place, cosine and sine of its
+    yaw, and half its length and width. `window` is in pixels; the blocks of `marks` (H, B) from the
     first to the last darker pixel of a row get a mark. Where what is really there is no floor,
     nothing changes.
     """
     left, right = window[0], window[2]
-    drop = box[2] - camera[2]
+    drop = box[2]
     cosine, sine = box[3], box[4]
-    dx, dy = camera[0] - box[0], camera[1] - box[1]
+    dx, dy = -box[0], -box[1]
     per_x, per_y, narrow = _ONE / box[5], _ONE / box[6], min(box[5], box[6])
     ex, ey, ez = map_from_camera[0, 0], map_from_camera[0, 1], map_from_camera[0, 2]
     nx, ny, nz = map_from_camera[1, 0], map_from_camera[1, 1], map_from_camera[1, 2]

@@ -257,6 +257,19 @@ def test_the_floor_is_darker_below_a_body_and_a_wall_is_not() -> None:
     assert (outside & is_wall).sum() > 500
 
 
+def test_far_from_the_map_s_origin_all_is_painted_as_near_it() -> None:
+    """In metres of UTM float32 has steps of half a metre; shadows were cut into strips."""
+    painter, near = Painter(PINHOLE), standing(cube(0.3), 2.5, 0.1, half=0.3)
+    shaded, moved = replace(PLAIN, shadow=0.6), RigidTransform.planar(450e3, 5.2e6 + 0.2, 0.0)
+    far = replace(near, map_from_box=moved @ near.map_from_box)
+    here = paint(painter, [near], lighting=shaded)
+    there = painter.paint(GREY, moved @ CAMERA, [far], NOTHING, shaded, np.random.default_rng(1))
+    assert here.pixels is not None
+    assert there.pixels is not None
+    assert (here.pixels < 118).all(axis=2).sum() > 20
+    assert np.abs(here.pixels.astype(np.int16) - there.pixels).max() <= 1
+
+
 def test_blur_and_noise_touch_only_what_is_painted() -> None:
     """Blur softens the edge; noise has the standard deviation that is asked for."""
     painter, body = Painter(PINHOLE), standing(cube(), 2.5, 0.0)
