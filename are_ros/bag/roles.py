@@ -224,12 +224,12 @@ def _by_type(
         so = " named so" if role in SENSORS and role in _TELLTALES else ""
         is_one = sum(topic.type_name == only.type_name for topic in fitting) == 1
         kind = f"the only {only.type_name}{so}" if is_one else f"one of {only.type_name}"
-        sentence = f"{role}: {only.name}, {kind}, is used, for {why}"
+        sentence = f"{role}: {only.name}, {kind}, is used: {why}"
         return FoundRole(role, only, sentence)
     named = {topic.name: topic for topic in candidates}
     for name, image in beside.items():
         if name in named:
-            sentence = f"{role}: {name}, beside {image}, is used, for {why}"
+            sentence = f"{role}: {name}, beside {image}, is used: {why}"
             return FoundRole(role, named[name], sentence)
     if candidates:
         names = ", ".join(named)

@@ -27,7 +27,7 @@ def test_the_only_one_of_its_type_is_used_and_named() -> None:
     roles = find_roles(topics(front__scan=SCAN), {})
     assert roles.topic("scan") == "/front/scan"
     assert roles.sentences() == (
-        "scan: /front/scan, the only sensor_msgs/msg/LaserScan, is used, for there is no /scan",
+        "scan: /front/scan, the only sensor_msgs/msg/LaserScan, is used: there is no /scan",
     )
 
 
@@ -100,7 +100,7 @@ def test_a_default_of_another_type_is_said() -> None:
     assert roles.topic("scan") == "/front"
     (sentence,) = roles.sentences()[:1]
     assert sentence.startswith("scan: /front, the only ")
-    assert sentence.endswith(" is used, for /scan is of type sensor_msgs/msg/PointCloud2")
+    assert sentence.endswith(" is used: /scan is of type sensor_msgs/msg/PointCloud2")
 
 
 def test_a_topic_without_messages_does_not_count() -> None:
@@ -133,8 +133,8 @@ def test_images_are_told_apart_by_name_and_transport() -> None:
     roles = find_roles(topics(camera__depth=image, colour=image), {})
     assert roles.by_topic(ROLE_TYPES) == {"/camera/depth": "depth", "/colour": "image"}
     assert roles.sentences() == (
-        f"depth: /camera/depth, the only {image} named so, is used, for there is no /depth",
-        f"image: /colour, the only {image}, is used, for there is no /image",
+        f"depth: /camera/depth, the only {image} named so, is used: there is no /depth",
+        f"image: /colour, the only {image}, is used: there is no /image",
     )
     both = topics(depth__image=image, depth__image__compressedDepth=compressed)
     assert find_roles(both, {}).topic("depth") == "/depth/image"
@@ -198,8 +198,8 @@ def test_of_several_cameras_that_of_the_image_is_taken() -> None:
     roles = find_roles([*depth, *colour], {})
     assert roles.topic("camera/camera_info") == "/cam/color/camera_info"
     assert roles.sentences()[-1] == (
-        "camera/camera_info: /cam/color/camera_info, beside /cam/color/image_raw, is used,"
-        " for there is no /camera/camera_info"
+        "camera/camera_info: /cam/color/camera_info, beside /cam/color/image_raw, is used:"
+        " there is no /camera/camera_info"
     )
     infrared = topics(cam__infra1__image_raw=image, cam__infra1__camera_info=info)
     roles = find_roles([*depth, *colour, *infrared], {})
@@ -219,7 +219,7 @@ def test_an_octree_gives_the_voxels_where_nothing_else_does() -> None:
     roles = find_roles(both, {})
     assert roles.topic(role) == "/octomap_binary"
     assert roles.sentences() == (
-        f"{role}: /octomap_binary, one of {octomap}, is used, for there is no /{role}",
+        f"{role}: /octomap_binary, one of {octomap}, is used: there is no /{role}",
     )
     assert find_roles(topics(robot__voxels=octomap), {}).topic(role) == "/robot/voxels"
     assert find_roles(both, {role: "/octomap_full"}).topic(role) == "/octomap_full"

@@ -70,7 +70,7 @@ def test_a_replay_lacks_nothing_in_it() -> None:
         inspection = inspect_bag(reader)
     assert inspection.missing == ()
     said = inspection.roles.sentences()
-    assert [(line.partition(":")[0], " is used, for there is no /" in line) for line in said] == [
+    assert [(line.partition(":")[0], " is used: there is no /" in line) for line in said] == [
         ("depth", True),
         ("image", True),
     ]
