@@ -43,6 +43,7 @@ from are_ros.wording import listed
 _REINDEX = "it ends too early or is damaged; `rosbag reindex` may repair it"
 _RECOVER = "it ends too early (an interrupted recording?); `mcap recover` may repair it"
 _DAMAGED = "a part of it is damaged; `mcap recover` may save the rest"
+_OTHER_KIND = "its first bytes are not those of a bag of this kind"
 _DATABASE = "it is no rosbag2 database, or a damaged one; `sqlite3 FILE .recover` may save a part"
 
 _SENTENCES = (
@@ -53,7 +54,8 @@ _SENTENCES = (
     ("File end magic", _RECOVER),
     ("Truncated record", _RECOVER),
     ("Invalid MCAP", _RECOVER),
-    ("File magic is invalid", "its first bytes are not those of a bag of this kind"),
+    ("File magic is invalid", _OTHER_KIND),
+    ("invalid magic", _OTHER_KIND),
     ("seems to be empty", "the file is empty"),
     ("Profile is not ros2", "it is an MCAP file of another kind than ROS 2"),
     ("Could not load YAML", "its metadata.yaml is malformed"),
@@ -62,7 +64,7 @@ _SENTENCES = (
     ("checksum mismatch", _DAMAGED),
 )
 
-_CUT_OFF = ("EndOfFile", "InvalidMagic", "RecordLengthLimitExceeded")
+_CUT_OFF = ("EndOfFile", "RecordLengthLimitExceeded")
 """The mcap package's errors for a file whose end is missing: it looks there for the index first."""
 _PLAIN_SPOKEN = ("ReaderError", "SerdeError", "TypesysError", "FileNotFoundError")
 """Errors whose text describes the data; the text of others describes the code that failed."""

@@ -185,11 +185,10 @@ class SoakResult:
         counts = self.counts
         share = f"{100.0 * self.resolved_share:.4f} % of artefact-seconds"
         resolved = f"{counts.moved_back} moved back, {counts.displaced} displaced, {share}"
-        brakes = self.verdict.hard_brakes
         return [
             f"simulated {self.simulated_s:.0f} s, {counted(self.blocked, 'arrival')} blocked",
             f"collisions resolved: {resolved}",
-            f"brakings beyond the limit: {brakes}, {self.unexplained_brakes} of them unexplained",
+            f"brakings that nothing explains: {self.unexplained_brakes}",
             f"contacts with the robot: {self.contacts}",
             f"along the grid's axes: {100.0 * self.along_axes_share:.0f} % of the metres gone",
             "",

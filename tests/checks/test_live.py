@@ -564,6 +564,9 @@ def test_a_damaged_live_recording_is_a_result(live: Tape, tmp_path: Path) -> Non
     for result in results.values():
         assert result.outcome is Outcome.FAILED
         assert "it ends too early" in result.counter_example
+    path.write_text("no recording at all\n" * 100)
+    for result in results_of(tmp_path).values():
+        assert "its first bytes are not those of a bag" in result.counter_example
 
 
 def test_a_replay_s_folder_is_told_by_its_metrics(
