@@ -20,6 +20,7 @@ from are_ros.node.watches import (
     GRACE_S,
     LATELY_NS,
     MINUTE_NS,
+    PREPARING,
     CountWatch,
     FaultWatch,
     InputSnapshot,
@@ -243,7 +244,7 @@ def _is_stale(entry: InputSnapshot) -> bool:
 _CONTACT_S: Final = 5.0
 _TICK_STOP_S: Final = 1.0
 _TICK_STOP_PERIODS: Final = 5.0
-_RARE: Final = frozenset({"preparing", "transitions"})
+_RARE: Final = frozenset({PREPARING, "transitions"})
 """These kinds of work may take longer than a tick's period without a warning."""
 _OTHER_TIMES_S: Final = 30 * 86_400.0
 """Clocks of machines that are set wrongly are less apart; simulated time is by decades."""

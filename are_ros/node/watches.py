@@ -103,6 +103,8 @@ class TickWatch:
 # Blocking times of the node, by kind of work.
 
 
+PREPARING: Final = "preparing"
+"""A map, a cloud or a camera was made ready, in whatever turn: that is no reason to warn."""
 MACHINE: Final = "machine"
 """The node had due work but did not run: other processes had the processor, or it was stopped."""
 _REQUESTED: Final = frozenset({"services", "parameters", "transitions", "diagnostics"})
@@ -139,8 +141,8 @@ class CallbackTimer:
             self.turn = Turn(now_ns, threading.get_ident())
 
     def call_it(self, what: str) -> None:
-        """Rename the turn after its work; a turn that a user asked for keeps its name."""
-        if self._what not in _REQUESTED:
+        """Rename the turn after its work; one that was asked for keeps its name beside ticks."""
+        if self._what not in _REQUESTED or what == PREPARING:
             self._what = what
 
     def end(self, now_ns: int) -> None:

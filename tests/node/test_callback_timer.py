@@ -36,6 +36,16 @@ def test_a_turn_within_a_turn_is_a_part_of_it() -> None:
     assert watch.figures(NS_PER_S) == {"maps": 45.0}
 
 
+def test_preparing_names_a_turn_that_was_asked_for_and_ticks_do_not() -> None:
+    """As that of the diagnostics, in which a camera is made ready where no CameraInfo comes."""
+    watch = CallbackTimer()
+    for begin_ms, work in ((0, "ticks"), (100, "preparing")):
+        watch.begin(begin_ms * MS, "diagnostics")
+        watch.call_it(work)
+        watch.end((begin_ms + 10) * MS)
+    assert watch.figures(NS_PER_S) == {"diagnostics": 10.0, "preparing": 10.0}
+
+
 @pytest.mark.parametrize(("ended_ms", "expected"), [(20, 90.0), (80, 40.0), (110, 10.0)])
 def test_a_late_timer_is_the_machines_as_far_as_no_turn_explains_it(
     ended_ms: int, expected: float
