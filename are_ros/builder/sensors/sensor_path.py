@@ -25,6 +25,7 @@ _WATCHED: Final = 50
 """The delays of transforms are kept for this many readings that did not wait long enough."""
 _RECENT_NS: Final = 10 * NS_PER_S
 """And for so long."""
+_NEVER_NS: Final = -(2**63)
 REACH: Final = 0.75
 """A reading may wait for this share of `poses.history`; the rest is for its own delay."""
 
@@ -121,6 +122,7 @@ class SensorPath:
         self._too_early: deque[_Waiting] = deque(maxlen=_WATCHED)
         self._delays: deque[tuple[int, int]] = deque(maxlen=_WATCHED)
         """When a transform came too late, and how late [ns]."""
+        self._outage_ended_ns = _NEVER_NS
         self._released: list[ReleasedReading] = []
 
     def push(self, topic: str, reading: Reading, received_ns: int) -> None:
@@ -177,6 +179,7 @@ class SensorPath:
         self._waiting.clear()
         self._too_early.clear()
         self._delays.clear()
+        self._outage_ended_ns = _NEVER_NS
 
     def _watch_too_early(self, now_ns: int) -> None:
         """Measure the delay of transforms for readings that were released without them."""
@@ -191,9 +194,15 @@ class SensorPath:
             elif age_ns < self._history_ns:
                 break
             self._too_early.popleft()
-        # Found at once with one that waited so long: they ended an outage, and are no late ones.
-        if max(found_ns, default=0) < REACH * self._history_ns:
-            self._delays.extend((now_ns, delay_ns) for delay_ns in found_ns)
+        if max(found_ns, default=0) >= REACH * self._history_ns:
+            self._outage_ended_ns = now_ns
+        # What came before an outage ended is not late, also where another edge of the chain is
+        # one message behind, so that its transform is found a little later.
+        self._delays.extend(
+            (now_ns, delay_ns)
+            for delay_ns in found_ns
+            if now_ns - delay_ns > self._outage_ended_ns
+        )
 
     def _release_head(self, now_ns: int) -> None:
         """Release the first reading, with the best pose available."""

@@ -107,6 +107,25 @@ def test_the_last_scans_before_an_outage_ended_do_not_ask_for_a_longer_wait() ->
     assert path.queue.late_ns == 0
 
 
+def test_nor_do_they_where_localization_is_one_message_behind_odometry() -> None:
+    """Odometry fails to come for 800 ns; of the last scan map->odom is still awaited then."""
+    path = left_without_transform()
+    path.push(510, 520)
+    path.queue.deadline_passed(570)
+    path.correction(400)
+    path.odom(900)
+    path.queue.transforms_came(820)
+    path.correction(600)
+    path.queue.transforms_came(830)
+    assert path.queue.late_ns == 0
+    path.push(1000, 1010)
+    path.queue.deadline_passed(1060)
+    path.correction(1100)
+    path.odom(1100)
+    path.queue.transforms_came(1140)
+    assert path.queue.late_ns == 130  # of a later scan it is told
+
+
 def test_a_scan_older_than_the_kept_poses_passes_through() -> None:
     """Nobody knows any more where the artefacts were, though the transform is known."""
     path = Path()
