@@ -102,10 +102,20 @@ class RobotTracker:
         try:
             stamp_ns = self._frames.latest_before(self._map_frame, frame, now_ns)
             if now_ns - stamp_ns > self._max_age_ns:
-                return None, _too_old(self._map_frame, frame, stamp_ns, now_ns)
+                return None, self._too_old(frame, stamp_ns, now_ns)
             return (stamp_ns, self._frames.lookup(self._map_frame, frame, stamp_ns)), ""
         except FrameError as cause:
             return None, str(cause)
+
+    def _too_old(self, frame: str, stamp_ns: int, now_ns: int) -> str:
+        """Return the reason, which names the transform that is awaited."""
+        target, age_ns = self._map_frame, now_ns - stamp_ns
+        what = f"the latest transform from '{frame}' to '{target}'"
+        if not stamp_ns and age_ns > _CLOCKS_FROM_ZERO_NS:
+            return f"{what} {WITHOUT_STAMP}"
+        edge = self._frames.ending_at(target, frame, stamp_ns)
+        want = "" if edge in {"", f"{target} -> {frame}"} else f"for want of a newer {edge}, "
+        return f"{want}{what} is {age_ns * 1e-9:.3f} {TOO_OLD}"
 
     def map_from_camera(self, camera: Camera, now_ns: int) -> RigidTransform | None:
         """Return the pose of a camera's optical frame as of `now_ns`, None if it is not known."""
@@ -123,13 +133,6 @@ class RobotTracker:
 def _equal(one: RigidTransform, other: RigidTransform) -> bool:
     same_place = one.translation_m.tolist() == other.translation_m.tolist()
     return bool(same_place and one.rotation_xyzw.tolist() == other.rotation_xyzw.tolist())
-
-
-def _too_old(target: str, source: str, stamp_ns: int, now_ns: int) -> str:
-    what, age_ns = f"the latest transform from '{source}' to '{target}'", now_ns - stamp_ns
-    if not stamp_ns and age_ns > _CLOCKS_FROM_ZERO_NS:
-        return f"{what} {WITHOUT_STAMP}"
-    return f"{what} is {age_ns * 1e-9:.3f} {TOO_OLD}"
 
 
 _SPAN_NS = NS_PER_S // 4

@@ -69,6 +69,22 @@ def test_a_pose_is_as_old_as_max_age_at_the_most() -> None:
     assert robots.last is None
 
 
+@pytest.mark.parametrize(
+    ("odom_ns", "base_ns", "awaited"),
+    [(100, 900, "map -> odom"), (900, 100, "odom -> base_link"), (100, 100, "odom -> base_link")],
+)
+def test_a_pose_that_is_too_old_names_the_transform_that_has_ended(
+    odom_ns: int, base_ns: int, awaited: str
+) -> None:
+    """Localization or odometry: of two that have, that of the robot."""
+    robots, frames = tracker()
+    for parent, child, newest_ns in (("map", "odom", odom_ns), ("odom", "base_link", base_ns)):
+        for stamp_ns in (90, newest_ns):
+            frames.set_transform(parent, child, stamp_ns, (1.0, 2.0, 0.0), NO_TURN)
+    assert robots.pose(900) is None
+    assert robots.missing.startswith(f"for want of a newer {awaited}, the latest transform from")
+
+
 def test_a_transform_without_a_stamp_is_told_as_such() -> None:
     """Where the clock is that of a calendar; in simulated time it is only old."""
     robots, frames = tracker()

@@ -199,9 +199,7 @@ class SensorPath:
         # What came before an outage ended is not late, also where another edge of the chain is
         # one message behind, so that its transform is found a little later.
         self._delays.extend(
-            (now_ns, delay_ns)
-            for delay_ns in found_ns
-            if now_ns - delay_ns > self._outage_ended_ns
+            (now_ns, delay_ns) for delay_ns in found_ns if now_ns - delay_ns > self._outage_ended_ns
         )
 
     def _release_head(self, now_ns: int) -> None:

@@ -235,11 +235,16 @@ class FrameTree:
         table = self._table
         status, stamp_ns = latest_not_after(table.samples, table.frames, to, of, now_ns)
         if status:
-            self._fail(status, target, source, stamp_ns, self._ending_at(stamp_ns, (to, of)))
+            name = self._ending_at(stamp_ns, (to, of))
+            self._fail(status, target, source, stamp_ns, f"{name} ends there, and " * bool(name))
         return int(stamp_ns)
 
+    def ending_at(self, target: str, source: str, stamp_ns: int) -> str:
+        """Return "a -> b", an edge above two known frames that has no newer sample; else ""."""
+        frames = self._names.number(target), self._names.number(source)
+        return self._ending_at(stamp_ns, frames)
+
     def _ending_at(self, stamp_ns: int, frames: Iterable[int]) -> str:
-        """Return "a -> b ends there, and ", of an edge above the frames that does; else ""."""
         edges = self._table.edges
         for frame in frames:
             above, passed = frame, set[int]()
@@ -247,7 +252,7 @@ class FrameTree:
                 passed.add(above)
                 edge = edges[above]
                 if not edge.is_static and edge.newest_ns == stamp_ns:
-                    return f"{self._name_of(edge)} ends there, and "
+                    return self._name_of(edge)
                 above = edge.parent
         return ""
 
