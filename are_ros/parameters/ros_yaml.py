@@ -69,7 +69,7 @@ def parameter_file_for_ros(paths: Sequence[Path], namespace: str = "") -> str:
     values of one name under one section it keeps the first where they are of different types, as
     30 and 12.5 are. ParameterError if a file cannot be read, or holds nothing for the node.
     """
-    node = _full_name(f"{namespace}/{_NODE}")
+    node = _full_name(f"{namespace.strip('/')}/{_NODE}")
     values: dict[str, Any] = {}
     for path in paths:
         sections = _our_sections(path)

@@ -269,7 +269,8 @@ def test_files_of_two_robots_stay_apart(tmp_path: Path) -> None:
     mine, yours = str(tmp_path / "mine.yaml"), str(tmp_path / "yours.yaml")
     first = {"seed": 1, "population.zones": mine, "catalogue": mine}
     assert given_to_ros(path, "/robot1") == first
-    assert given_to_ros(path, "robot2") == {"seed": 1, "population.zones": "", "catalogue": yours}
+    second = {"seed": 1, "population.zones": "", "catalogue": yours}
+    assert given_to_ros(path, "robot2") == given_to_ros(path, "/robot2/") == second
     with pytest.raises(ParameterError) as caught:
         read_ros_parameters(path)
     several = "is for several nodes, /robot1/ar_builder and /robot2/ar_builder: give a file for one"
