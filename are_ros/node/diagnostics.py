@@ -204,7 +204,8 @@ def _why_nothing(entry: InputSnapshot) -> str:
     if not entry.publishers:
         return f": nobody publishes {entry.topic}"
     publishers = counted(entry.publishers, "publisher")
-    return f", though {entry.topic} has {publishers}; is its QoS compatible?"
+    asked = f"is its QoS compatible (the node asks for {entry.asked})?"
+    return f", though {entry.topic} has {publishers}; {asked}"
 
 
 def _is_new(entry: InputSnapshot) -> bool:

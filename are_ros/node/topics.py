@@ -167,7 +167,14 @@ class Subscriptions:
                 is_required=role in _REQUIRED,
                 is_latched=INPUTS[role].is_latched or role in {_CLOUD, "plan", "clicked_point"},
                 publishers=self._node.count_publishers(topic),
+                asked=self._asked_of(topic),
             )
+
+    def _asked_of(self, topic: str) -> str:
+        """Return the reliability and durability that the publishers of a topic need."""
+        profile = self._subscriptions[topic].qos_profile
+        policies = profile.reliability, profile.durability
+        return ", ".join(policy.name.lower().replace("_", " ") for policy in policies)
 
     def close(self) -> None:
         """Unsubscribe from all inputs."""

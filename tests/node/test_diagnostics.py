@@ -95,7 +95,8 @@ def test_paused() -> None:
 def test_an_input_that_somebody_publishes_and_that_does_not_come() -> None:
     """Transforms of another QoS, say. What is latched may just not have been said."""
     silent = replace(NO_SCAN, publishers=1, published_s=5.0)
-    doubt = "no message yet, though /scan has 1 publisher; is its QoS compatible?"
+    asked = "(the node asks for best effort, volatile)"
+    doubt = f"no message yet, though /scan has 1 publisher; is its QoS compatible {asked}?"
     assert of_input(silent) == (Level.OK, doubt)
     without = Level.OK, "no message yet; the node works without"
     assert of_input(replace(silent, published_s=4.9)) == without
@@ -111,7 +112,9 @@ def test_a_required_input_that_never_came() -> None:
     assert of_input(replace(nothing, publishers=1, published_s=4.9), 8.0)[0] is Level.OK
     level, message = of_input(replace(nothing, publishers=1, published_s=5.0), 8.0)
     assert level is Level.ERROR
-    assert message == "no message for 8 s, though /map has 1 publisher; is its QoS compatible?"
+    asked = "(the node asks for best effort, volatile)"
+    doubt = f"though /map has 1 publisher; is its QoS compatible {asked}?"
+    assert message == f"no message for 8 s, {doubt}"
 
 
 def test_the_log_says_that_the_node_falls_behind() -> None:

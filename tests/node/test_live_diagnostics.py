@@ -10,6 +10,7 @@ from tests.ros import NOT_SET_UP, RosWorld, running_ns, undisturbed
 
 pytest.importorskip("rclpy", reason=NOT_SET_UP)
 
+from nav_msgs.msg import OccupancyGrid
 from rosgraph_msgs.msg import Clock
 
 from are_ros.conventions import NS_PER_S
@@ -137,6 +138,30 @@ def test_what_is_missing_is_an_error_after_a_while(make_bench: MakeBench, later:
     step(bench, 1000.3)
     for name in ("inputs/map", "frames/robot", "frames/camera"):
         assert said(bench, name)[0] == OK, name
+
+
+@pytest.mark.parametrize(
+    ("overrides", "asked"),
+    [
+        ({}, "reliable, transient local"),
+        (
+            {"qos_overrides./map.subscription.reliability": "best_effort"},
+            "best effort, transient local",
+        ),
+    ],
+)
+def test_of_a_map_that_is_not_latched_is_told_what_is_asked_for(
+    make_bench: MakeBench, later: Later, overrides: dict[str, str], asked: str
+) -> None:
+    """Overrides included."""
+    bench = make_bench(overrides, "configure", "activate")
+    bench.user.create_publisher(OccupancyGrid, "/map", 1)
+    bench.until(lambda: bench.node.count_publishers("/map"))
+    bench.report()
+    later(5.5)
+    level, message = said(bench, "inputs/map")
+    assert level == ERROR
+    assert message.endswith(f"QoS compatible (the node asks for {asked})?")
 
 
 def test_a_map_of_which_none_is_of_use_is_an_error(make_bench: MakeBench) -> None:
