@@ -31,6 +31,7 @@ from are_ros.parameters.model import Parameters
 from are_ros.parameters.validation import with_contact_policy
 from are_ros.population.catalogue import Catalogue
 from are_ros.population.mixture import mixture_of
+from are_ros.world.transforms.sources import OF_MOST_ROBOTS
 
 NAME: Final = "ar_builder"
 _ON_CONTACT: Final = OnRobotContact.HOLD
@@ -315,7 +316,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
                 self._look_for_camera(self.live, self._inputs)
                 self._work()
                 for notice in self.live.take_notices():
-                    self._say(notice)
+                    self._say(notice, is_warning=not notice.endswith(OF_MOST_ROBOTS))
             now_ns = monotonic_ns()
             busy = self._busy.figures(now_ns)
             self._reporter.report(self.live, self._inputs, busy, now_ns, is_paused=self._is_paused)
@@ -364,11 +365,14 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             self._inputs.watches[topic].refused(monotonic_ns(), sentence)
         self._say(sentence)
 
-    def _say(self, sentence: str) -> None:
+    def _say(self, sentence: str, *, is_warning: bool = True) -> None:
         """Log a sentence, each once."""
         if sentence not in self._said and len(self._said) < _MOST_SENTENCES:
             self._said.add(sentence)
-            self.get_logger().warning(sentence)
+            if is_warning:
+                self.get_logger().warning(sentence)
+            else:
+                self.get_logger().info(sentence)
 
 
 def _check_for(catalogue: Catalogue, parameters: Parameters) -> None:

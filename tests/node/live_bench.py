@@ -71,7 +71,7 @@ class Bench:
         self._space = self.node.get_namespace().rstrip("/")
         self.publishers: dict[str, Any] = {}
         self._read_log = read_log
-        self._log = ""
+        self.log = ""
         self._clients: dict[str, Any] = {}
         self._reports: list[Any] | None = None
         self._clock = self.user.create_publisher(Clock, "/clock", 10)
@@ -239,8 +239,8 @@ class Bench:
 
     def warnings(self) -> list[str]:
         """Return what the node has warned of so far in its log on stderr, and its errors."""
-        self._log += self._read_log()
-        return _WARNING.findall(self._log)
+        self.log += self._read_log()
+        return _WARNING.findall(self.log)
 
     def report(self) -> dict[str, Any]:
         """Let the node say at once how it does, and return the statuses of /diagnostics by name.

@@ -16,7 +16,18 @@ from rosgraph_msgs.msg import Clock
 from are_ros.conventions import NS_PER_S
 from are_ros.node.diagnostics import WITHOUT_CLOCK
 from tests.node.live_bench import Bench, stamp_ns
-from tests.node.live_scene import cloud, laser_mount, ns, pose_at, robot_at, room, scan, wall_voxels
+from tests.node.live_scene import (
+    cloud,
+    laser_mount,
+    ns,
+    odometry,
+    pose_at,
+    robot_at,
+    room,
+    scan,
+    transforms,
+    wall_voxels,
+)
 
 MakeBench = Callable[..., Bench]
 Later = Callable[[float], None]
@@ -62,6 +73,17 @@ def bench(make_bench: MakeBench, later: Later) -> Bench:  # noqa: ARG001 - it co
     made.send("map", room())
     step(made, 1000.1)
     return made
+
+
+def test_odometry_beside_tf_is_told_without_a_warning(bench: Bench) -> None:
+    """Nearly every robot sends both."""
+    bench.send("tf", transforms(("odom", "base_link", 1000.1, (1.0, 2.0, 0.0), 0.0)))
+    bench.send("odom", odometry(1000.2, 1.0, 2.0))
+    bench.tick(1000.2)
+    bench.report()
+    warnings = bench.warnings()
+    assert "the transform odom -> base_link from odometry is overruled by tf" in bench.log
+    assert not [one for one in warnings if "odometry" in one]
 
 
 def test_each_state_has_its_lines(make_bench: MakeBench) -> None:

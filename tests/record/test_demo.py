@@ -77,12 +77,28 @@ def test_the_node_says_farewell(run: str, request: pytest.FixtureRequest) -> Non
     assert any((one.data != real.data).any() for one in augmented)
 
 
+def test_what_the_node_warned_of_is_repeated_once(tmp_path: Path) -> None:
+    """Of its log, the sentences of warnings and errors."""
+    from are_ros.record.demo import _warnings
+
+    log = tmp_path / "node.log"
+    words = (
+        ("INFO", "active"),
+        ("WARN", "tf is late"),
+        ("ERROR", "no map"),
+        ("WARN", "tf is late"),
+    )
+    lines = [f"[{level}] [17.{k:09}] [ar_builder]: {said}" for k, (level, said) in enumerate(words)]
+    log.write_text("\n".join(lines), encoding="utf-8")
+    assert _warnings(log) == ["tf is late", "no map"]
+
+
 def test_it_says_what_happened(lockstep_run: Path) -> None:
-    """What was played and what the node warned of, the recording's summary, where things are."""
+    """What was played, the recording's summary, where things are; of the log, warnings only."""
     said = said_by(lockstep_run).splitlines()
+    assert not [line for line in said if "is overruled by tf" in line or "INFO" in line]
     assert "starting the node (kernels that are not there yet compile for a minute or two)" in said
     assert "played       1363 messages on 9 topics" in said
-    assert said.count("the transform odom -> base_footprint from odometry is overruled by tf") == 1
     summary = summary_of(lockstep_run / "augmented.mcap")
     first = said.index(summary[0])
     assert said[first : first + len(summary)] == summary

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Final
 
 from are_ros.errors import InvalidTransformError
 from are_ros.world.rigid_transform import Values, normalised, why_invalid
@@ -48,6 +49,8 @@ def _why_names_invalid(parent: str, child: str) -> str | None:
     return "parent and child are the same frame" if parent == child else None
 
 
+OF_MOST_ROBOTS: Final = "from odometry is overruled by tf"
+"""The end of a notice that is no warning: most robots send both."""
 _NAMES = {
     TransformSource.ODOMETRY: "odometry",
     TransformSource.TF: "tf",
