@@ -377,13 +377,16 @@ def _instants(source: Times, bag_start_ns: int) -> tuple[Ints, Ints, str]:
     low_ns, middle_ns, high_ns = np.percentile(offsets_ns, (10, 50, 90)).tolist()
     if low_ns >= -_BEHIND_NS and high_ns <= _AHEAD_NS:
         return _NONE, _NONE, ""
-    order = "ahead of" if middle_ns > 0 else "behind"
+    is_steady = high_ns - low_ns <= _STEADY_NS
+    told_ns = middle_ns if is_steady else float(max(offsets_ns.min(), offsets_ns.max(), key=abs))
+    order = "ahead of" if told_ns > 0 else "behind"
+    length = duration_text(abs(round(told_ns)))
     sentence = (
-        f"the stamps lie {duration_text(abs(round(middle_ns)))} {order} the times of recording "
+        f"the stamps lie {'' if is_steady else 'up to '}{length} {order} the times of recording "
         f"(another machine's clock, simulated time, or a recording of a recording): the replay "
         f"goes by the stamps of {source.name}"
     )
-    if high_ns - low_ns <= _STEADY_NS:
+    if is_steady:
         first_ns = source.log_ns[:1]
         return first_ns, first_ns + int(np.median(offsets_ns)), sentence
     instants = np.stack([source.log_ns, source.stamps_ns], axis=1)
@@ -414,7 +417,8 @@ def _check_no_loop(topic: str, instants: Ints, bag_start_ns: int) -> None:
         at_s = (int(instants[worst + 1, 0]) - bag_start_ns) / NS_PER_S
         raise BagError(
             f"{topic}: the stamps jump back by {back_ns[worst] / NS_PER_S:.1f} s, {at_s:.1f} s "
-            "into the recording (it looped): replay one pass of it with --start and --duration"
+            "into the recording (it looped, or a clock was set back): replay one part of it with "
+            "--start and --duration"
         )
 
 

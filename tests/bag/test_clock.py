@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from subprocess import CompletedProcess
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from are_ros.bag.clock import BagClock, RecordedTimes, base_frame_of
+from are_ros.bag.clock import BagClock, RecordedTimes, Times, base_frame_of
 from are_ros.bag.reader import BagReader
 from are_ros.conventions import NS_PER_S
 from bags.simulation.making import RosbagsFactory
@@ -45,6 +46,18 @@ def test_between_instants_the_clock_goes_evenly() -> None:
     assert [clock.at(at) for at in (90, 100, 150, 199, 200, 240, 300, 310)] == [
         990, 1000, 1025, 1049, 1050, 1150, 1300, 1310,
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("word", ["ahead of", "behind"])
+def test_a_clock_that_was_set_meanwhile_is_told_with_its_largest_difference(word: str) -> None:
+    """Half of the stamps lie an hour away, the others agree: none lies half an hour away."""
+    even_ns = (np.arange(100, dtype=np.int64) + 10**5) * NS_PER_S
+    leaping_ns = even_ns + (np.arange(100) >= 50) * 3600 * NS_PER_S
+    pair = (even_ns, leaping_ns) if word == "ahead of" else (leaping_ns, even_ns)
+    times: Any = SimpleNamespace(
+        jump_back=None, sources=(Times("/odom", *pair),), bag_start_ns=int(even_ns[0])
+    )
+    assert f"the stamps lie up to 60.0 min {word} the times" in BagClock.of(times).sentence
 
 
 def test_instants_of_one_log_time_are_no_division_by_zero() -> None:
@@ -147,6 +160,7 @@ def test_a_recording_that_looped_is_refused(
     done = run_are("replay", bag, "--out", tmp_path / "out")
     assert done.returncode == 1
     assert "the stamps jump back by" in done.stderr
+    assert "looped, or a clock was set back" in done.stderr
     done = run_are("replay", bag, "--duration", 2, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
 
