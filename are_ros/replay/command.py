@@ -231,10 +231,11 @@ def complaints(outcome: Outcome) -> list[str]:
     """
     refusals = outcome.refusals
     lines = [f"refused: {refusals.told(topic)}" for topic in sorted(refusals.counts)]
-    for topic, problem in sorted(outcome.scan_problems.items()):
-        role = outcome.role_of_topic[topic]
-        passed = counted(outcome.scans[topic].passed_through, noun_of(role))
-        lines.append(f"{topic}: {passed} passed through unaugmented, the last for: {problem}")
+    for topic, (problem, count) in sorted(outcome.scan_problems.items()):
+        role, passed = outcome.role_of_topic[topic], outcome.scans[topic].passed_through
+        which = "the last" if count == passed else f"{count} of them alike, the last of these"
+        readings = counted(passed, noun_of(role))
+        lines.append(f"{topic}: {readings} passed through unaugmented, {which} for: {problem}")
         is_of_reading = problem.startswith(_OF_READING) and "CameraInfo" not in problem
         if is_of_reading or not _is_mostly_bare(outcome.scans[topic]):
             continue

@@ -23,7 +23,7 @@ from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import catalogue_of, parse_static_transforms
 from are_ros.builder.files.scenario_file import write_scenario
-from are_ros.builder.sensors.sensor_path import SensorPathCounts
+from are_ros.builder.sensors.sensor_path import Problem, SensorPathCounts
 from are_ros.builder.warm_up import WarmUpNeeds, warm_up
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import SceneRecord
@@ -78,7 +78,7 @@ class Outcome:
     grid: OccupancyGrid
     voxels: VoxelMap | None
     scans: Mapping[str, SensorPathCounts]
-    scan_problems: Mapping[str, str]
+    scan_problems: Mapping[str, Problem]
     camera_problem: str
     cloud_problem: str
     scan_problem: str
@@ -152,7 +152,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
         grid,
         None if builder.world.environment is None else builder.world.environment.own_voxels,
         builder.sensors.counts(),
-        builder.sensors.problems(),
+        builder.sensors.usual_problems(),
         _camera_problem(options, builder, replay, keeper),
         _cloud_problem(builder),
         _scan_problem(replay, roles),

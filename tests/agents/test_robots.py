@@ -55,7 +55,7 @@ def test_a_pose_is_as_old_as_max_age_at_the_most() -> None:
     """At the bound it is taken, a nanosecond later not, and the reason is told."""
     robots, frames = tracker()
     assert robots.pose(10) is None
-    assert "never seen" in robots.missing
+    assert "not seen so far" in robots.missing
     frames.set_transform("map", "base_link", 100, (1.0, 2.0, 0.0), NO_TURN)
     assert robots.pose(99) is None
     found = robots.pose(150)

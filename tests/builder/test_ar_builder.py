@@ -766,7 +766,7 @@ def test_the_inputs_end_and_what_waits_is_released(scene: Scene) -> None:
     (released,) = scene.builder.take_readings()
     assert released.reading is scan
     assert not released.is_augmented
-    assert "never seen" in scene.builder.sensors.problems()["scan"]
+    assert "not seen so far" in scene.builder.sensors.problems()["scan"]
 
 
 # --- what nobody wants

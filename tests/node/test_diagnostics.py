@@ -137,8 +137,8 @@ def test_the_log_names_the_required_inputs_that_never_came() -> None:
 
 def test_the_log_says_why_there_is_no_pose_of_the_robot() -> None:
     """Once the map has come; before, that is what is missing."""
-    lost = replace(WELL, robot_problem="frame 'odom' was never seen")
-    expected = "no pose of the robot, so nothing is perceived: frame 'odom' was never seen"
+    lost = replace(WELL, robot_problem="frame 'odom' was not seen so far")
+    expected = "no pose of the robot, so nothing is perceived: frame 'odom' was not seen so far"
     assert robot_doubt(lost) == expected
     assert robot_doubt(replace(lost, active_s=4.9)) == ""
     assert robot_doubt(replace(lost, inputs=(NO_MAP,))) == ""
@@ -245,22 +245,22 @@ TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
         ),
     ),
     (
-        {"robot_problem": "frame 'odom' was never seen"},
+        {"robot_problem": "frame 'odom' was not seen so far"},
         "frames/robot",
         Level.ERROR,
-        "no pose of the robot: frame 'odom' was never seen",
+        "no pose of the robot: frame 'odom' was not seen so far",
     ),
     (
-        {"camera_problem": "frame 'camera' was never seen"},
+        {"camera_problem": "frame 'camera' was not seen so far"},
         "frames/camera",
         Level.WARN,
-        "nothing is perceived: frame 'camera' was never seen",
+        "nothing is perceived: frame 'camera' was not seen so far",
     ),
     (
-        {"cloud_problem": "frame 'world' was never seen"},
+        {"cloud_problem": "frame 'world' was not seen so far"},
         "cloud",
         Level.WARN,
-        "the cloud of voxels is not used yet: frame 'world' was never seen",
+        "the cloud of voxels is not used yet: frame 'world' was not seen so far",
     ),
     (
         {"ticks": TickFigures(0.1, count=9, age_s=1.2)},
@@ -358,8 +358,8 @@ def test_trouble_is_told_by_the_part_that_has_it(
 @pytest.mark.parametrize(
     "change",
     [
-        {"robot_problem": "frame 'odom' was never seen", "active_s": 4.0},
-        {"camera_problem": "frame 'odom' was never seen", "active_s": 4.0},
+        {"robot_problem": "frame 'odom' was not seen so far", "active_s": 4.0},
+        {"camera_problem": "frame 'odom' was not seen so far", "active_s": 4.0},
         {"ticks": TickFigures(0.1)},
         {"ticks": None},
         {"ticks": TickFigures(0.1, count=9, age_s=1.0, p99_ms=100.0)},
@@ -423,7 +423,7 @@ def test_the_same_message_goes_out_live() -> None:
 
     from are_ros.node.message_classes import message_class
 
-    found = statuses(replace(WELL, robot_problem="frame 'odom' was never seen"))
+    found = statuses(replace(WELL, robot_problem="frame 'odom' was not seen so far"))
     data = encode_diagnostics(5, found, "robot/ar_builder")
     read = deserialize_message(data, message_class("diagnostic_msgs/msg/DiagnosticArray"))
     assert read.header.stamp.nanosec == 5

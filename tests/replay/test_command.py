@@ -12,7 +12,7 @@ import pytest
 from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.bag.reader import recording_in
 from are_ros.bag.writer import BagWriter
-from are_ros.builder.sensors.sensor_path import SensorPathCounts
+from are_ros.builder.sensors.sensor_path import Problem, SensorPathCounts
 from are_ros.builder.tick import Demand
 from are_ros.errors import ParameterError
 from are_ros.messages.feed import Refusals
@@ -101,7 +101,7 @@ def test_complaints_name_topics_and_numbers() -> None:
     refusals = Refusals({"/b": 3, "/a": 1}, {"/b": "/b: too short", "/a": "/a: too long"})
     outcome: Any = SimpleNamespace(
         refusals=refusals,
-        scan_problems={"/scan": "no frame"},
+        scan_problems={"/scan": Problem("no frame", 7)},
         camera_problem="no CameraInfo",
         cloud_problem="the voxel cloud was not used",
         scan_problem="no scan was augmented",
@@ -161,11 +161,19 @@ def test_no_advice_is_given_where_no_transform_helps(problem: str) -> None:
     assert said.endswith(problem)
 
 
+def test_of_several_reasons_the_usual_one_is_told() -> None:
+    """A lone scan at the end has another reason than the rest."""
+    outcome = outcome_of("")
+    outcome.scan_problems = {"/scan": Problem("no frame", 6)}
+    said = "/scan: 7 scans passed through unaugmented, 6 of them alike, the last of these for: no"
+    assert complaints(outcome)[0].startswith(said)
+
+
 def outcome_of(problem: str, apart: tuple[str, ...] = ()) -> Any:
     """Return what came of a replay whose scans all passed through."""
     return SimpleNamespace(
         refusals=Refusals(),
-        scan_problems={"/scan": problem},
+        scan_problems={"/scan": Problem(problem, 7)},
         camera_problem="",
         cloud_problem="",
         scan_problem="",

@@ -11,6 +11,7 @@ from are_ros.builder.sensors.colour_image import ColourImage, Studio
 from are_ros.builder.sensors.depth_image import DepthImage
 from are_ros.builder.sensors.obstacles import Obstacles
 from are_ros.builder.sensors.sensor_path import (
+    Problem,
     Reading,
     ReleasedReading,
     SensorPath,
@@ -147,6 +148,11 @@ class SensorAugmentation:
         return {
             topic: path.last_problem for topic, path in self._paths.items() if path.last_problem
         }
+
+    def usual_problems(self) -> dict[str, Problem]:
+        """Return, by topic, why most of the readings passed through that did."""
+        paths = self._paths.items()
+        return {topic: path.usual_problem for topic, path in paths if path.last_problem}
 
     @property
     def doubt_about_depth(self) -> str:

@@ -8,10 +8,11 @@ passes through, too: its stamps are of another clock, or it was delayed. An imag
 first CameraInfo beside it in the same way.
 """
 
+import re
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 from are_ros.agents.robots import WITHOUT_STAMP
 from are_ros.builder.sensors.obstacles import Obstacles
@@ -26,6 +27,8 @@ _WATCHED: Final = 50
 _RECENT_NS: Final = 10 * NS_PER_S
 """And for so long."""
 _NEVER_NS: Final = -(2**63)
+_NUMBERS: Final = re.compile(r"\d[\d.]*")
+"""In these the reasons of one kind differ: the stamps."""
 REACH: Final = 0.75
 """A reading may wait for this share of `poses.history`; the rest is for its own delay."""
 
@@ -90,6 +93,13 @@ class SensorPathCounts:
     passed_through: int = 0
 
 
+class Problem(NamedTuple):
+    """A reason for which readings passed through: in its last words, and how many had it."""
+
+    text: str
+    readings: int
+
+
 class SensorPath:
     """The queue of the waiting readings of one topic, in the order of reception.
 
@@ -114,6 +124,7 @@ class SensorPath:
         self._history_ns = history_ns
         self.counts = SensorPathCounts()
         self.last_problem = ""
+        self._problems: dict[str, Problem] = {}
         self._frames = frames
         self._map_frame = map_frame
         self._odom_frame = odom_frame
@@ -226,6 +237,14 @@ class SensorPath:
         """Count a reading that is released unaugmented."""
         self.counts.passed_through += 1
         self.last_problem = problem
+        kind = _NUMBERS.sub("", problem)
+        before = self._problems[kind].readings if kind in self._problems else 0
+        self._problems[kind] = Problem(problem, before + 1)
+
+    @property
+    def usual_problem(self) -> Problem:
+        """The reason that most readings had that passed through; "" where none did."""
+        return max(self._problems.values(), key=lambda one: one.readings, default=Problem("", 0))
 
     def _is_too_old(self, reading: Reading, now_ns: int) -> bool:
         """Return whether a reading is older than the kept poses of artefacts, and count it."""

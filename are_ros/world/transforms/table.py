@@ -58,7 +58,7 @@ class FrameNames:
         number = self.numbers.get(name.lstrip("/"))
         if number is None:
             known = ", ".join(sorted(self._names)) or "none"
-            raise UnknownFrameError(f"frame {name!r} was never seen; known frames: {known}")
+            raise UnknownFrameError(f"frame {name!r} was not seen so far; known frames: {known}")
         return number
 
 

@@ -225,6 +225,24 @@ def test_odometry_is_never_held() -> None:
     assert path.queue.last_problem
 
 
+def test_the_usual_reason_is_told_apart_from_the_last_one() -> None:
+    """Three scans came before map -> odom began, the last one after the odometry had ended."""
+    path = Path()
+    path.odom(0)
+    path.odom(30)
+    for stamp_ns in (1, 2, 3):
+        path.push(stamp_ns, 30)
+    path.queue.deadline_passed(80)
+    path.correction(10)
+    path.push(40, 85)
+    path.queue.deadline_passed(135)
+    assert path.counts() == (0, 0, 4)
+    usual = path.queue.usual_problem
+    assert usual.readings == 3
+    assert "map" in usual.text
+    assert usual.text != path.queue.last_problem
+
+
 def test_nobody_overtakes() -> None:
     """A scan that waits holds back the ones behind it, though theirs is known."""
     path = Path()
