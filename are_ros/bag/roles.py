@@ -41,6 +41,9 @@ BY_NAME: Final = frozenset(
 )
 """The roles that no topic plays unless the user names it."""
 
+TRANSFORM_ROLES: Final = ("tf", "tf_static", "odom")
+"""The roles that tell where frames are."""
+
 _UPDATE_TYPE: Final = "map_msgs/msg/OccupancyGridUpdate"
 _TELLTALES: Final = {
     OCTOMAP: "octomap",

@@ -14,6 +14,7 @@ from are_ros.bag.reader import BagReader
 from are_ros.bag.roles import (
     CAMERA,
     OCTOMAP,
+    TRANSFORM_ROLES,
     RolesFound,
     find_roles,
     left_as_they_are,
@@ -59,7 +60,6 @@ from are_ros.world.voxel_files.octomap import read_voxel_file
 from are_ros.world.voxel_map import VoxelMap
 
 _PREPARING: Final = "preparing the kernels (a minute or two the first time)"
-_TRANSFORM_ROLES: Final = ("tf", "tf_static", "odom")
 
 Cloud = tuple[npt.NDArray[np.floating], float | None]
 """Points (N, 3) [m], and the size [m] of the voxels whose centres they are, if known."""
@@ -308,7 +308,7 @@ def _known_map(
         reason = _refused(replay, ("map",)) or "the recording has none before its end"
         raise BagError(f"no usable map was received ({reason}): give one with --map FILE.yaml")
     if builder.robots.last is None:
-        refused = _refused(replay, _TRANSFORM_ROLES)
+        refused = _refused(replay, TRANSFORM_ROLES)
         period_s = 1.0 / builder.parameters.builder.tick_rate
         if replay.length_ns < 2.0 * period_s * NS_PER_S:
             raise BagError(
@@ -326,7 +326,7 @@ def _known_map(
 def _what_joins(reader: BagReader, builder: ArBuilder, roles: RolesFound) -> str:
     """Return what joins map and robot: topics, an option, or transforms with stamps."""
     map_frame, base = builder.parameters.frames.map, builder.robots.base_frame()
-    unclear = roles.to_choose(_TRANSFORM_ROLES)
+    unclear = roles.to_choose(TRANSFORM_ROLES)
     if unclear and (roles.topic("tf") is None or not builder.frames.has_frame(base)):
         options = listed([f"--topic {role}:=/NAME" for role in unclear])
         return f"several topics could tell it, so give {options}"
@@ -386,7 +386,7 @@ def _camera_problem(
         return f"no usable CameraInfo was received ({why}); {WITHOUT_CAMERA_INFO}"
     if keeper.camera_since_ns is None:
         return f"the first CameraInfo of {topic} came after the last tick; {WITHOUT_CAMERA_INFO}"
-    refused = _refused(replay, _TRANSFORM_ROLES)
+    refused = _refused(replay, TRANSFORM_ROLES)
     cause = f"; refused: {refused}" if refused else ""
     return (
         f"the camera's pose is not known: {builder.camera_missing}{cause}; "

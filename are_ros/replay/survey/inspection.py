@@ -24,6 +24,7 @@ from are_ros.bag.roles import (
     CAMERA,
     OCTOMAP,
     ROLE_TYPES,
+    TRANSFORM_ROLES,
     RolesFound,
     find_roles,
     left_as_they_are,
@@ -345,7 +346,12 @@ def _missing_pose(
 ) -> Iterable[str]:
     """Say what keeps the robot's pose on the map from being known."""
     known = ", ".join(survey.frames()) or "none"
-    if not base_frame:
+    unclear = roles.to_choose(TRANSFORM_ROLES)
+    is_joined = bool(base_frame) and map_frame in survey.connected_to(base_frame)
+    if unclear and not is_joined and (roles.topic("tf") is None or not base_frame):
+        options = listed([f"--topic {role}:=/NAME" for role in unclear])
+        yield f"a choice of transforms: {options} (see roles)"
+    elif not base_frame:
         names = " nor ".join(BASE_FRAMES)
         ends = tuple(f"/{name}" for name in BASE_FRAMES)
         of_robots = [frame for frame in survey.frames() if frame.endswith(ends)]
@@ -354,7 +360,7 @@ def _missing_pose(
             f"there is no frame of the base, neither {names}: give it with --set frames.base:=NAME"
             f" ({choice})"
         )
-    elif map_frame not in survey.connected_to(base_frame):
+    elif not is_joined:
         beside = ", ".join(sorted(survey.connected_to(base_frame) - {base_frame}))
         others = f", which hangs together with {beside}" if beside else ""
         root = survey.root_of(base_frame)

@@ -354,6 +354,22 @@ def test_the_rate_of_an_odometry_is_that_of_its_clock(
     assert edge.rate_hz == pytest.approx(20.0, rel=0.1)  # that of both topics together
 
 
+def test_of_two_robots_with_their_own_tf_one_is_to_be_chosen(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """Without the choice no frame is known, and none can be given for the base."""
+    records = []
+    for k in range(20):
+        for name in ("one", "two"):
+            edges = [transform("map", f"{name}/base_link", k * S // 10)]
+            records.append((f"/{name}/tf", k * S // 10, make_transforms(factory, edges)))
+    path = write_bag(tmp_path / "bag.mcap", records)
+    assert inspected(path).missing[1:] == ("a choice of transforms: --topic tf:=/NAME (see roles)",)
+    with BagReader([path]) as reader:
+        chosen = inspect_bag(reader, {"tf": "/two/tf"})
+    assert len(chosen.missing) == 1
+
+
 def test_the_real_hall_is_understood(real_data: Path) -> None:
     """A drive with two scans, no map and slashes in its frames."""
     inspection = inspected(real_data / "drl-jarvis-hall/jarvis_complex_path_fast.bag")
