@@ -318,12 +318,14 @@ class _Part:
         if storage is None or not hasattr(storage, "storages"):
             _check_complete(path)
             times = int(reader.start_time), int(reader.end_time)
+            _check_topics(path, reader, times)
             return [cls(path, reader, *times, reader.message_count)]
         parts = []
         for file in {Path(file.path).name: file for file in storage.storages}.values():
             name, data = path / Path(file.path).name, file.metadata
             _check_complete(name)
             times = int(data.start_time), int(data.end_time)
+            _check_topics(name, file, times)
             parts.append(cls(name, file, *times, data.message_count))
         return parts
 
@@ -382,6 +384,20 @@ def _check_complete(path: Path) -> None:
         raise BagError(
             f"{path}: the last messages are in {rest.name} still (the recorder runs, or was"
             f" killed); `sqlite3 {path.name} 'PRAGMA wal_checkpoint(TRUNCATE)'` moves them"
+        )
+
+
+_NO_TYPE = "__schemaless__"
+"""What rosbags calls the type of an mcap's channel without a schema."""
+
+
+def _check_topics(path: Path, reader: Any, times: tuple[int, int]) -> None:
+    """Refuse an mcap with messages, whose summary leaves out the topics or all their types."""
+    has_types = any(one.msgtype != _NO_TYPE for one in reader.connections)
+    if not has_types and times[0] < times[1]:
+        raise BagError(
+            f"{path}: its summary lacks the topics or their types; `mcap recover` writes a"
+            " complete one"
         )
 
 

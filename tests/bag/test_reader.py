@@ -357,6 +357,23 @@ def test_a_truncated_recording_is_said(
         assert "Error: " not in str(caught.value)
 
 
+@pytest.mark.parametrize("left_out", ["repeat_channels", "repeat_schemas"])
+def test_an_mcap_whose_summary_lacks_its_topics_is_said(tmp_path: Path, left_out: str) -> None:
+    """Messages are there, but nothing says of which topics or types: it is not one without any."""
+    path = tmp_path / "bag.mcap"
+    options = {left_out: False}
+    with path.open("wb") as file:
+        writer = McapWriter(file, **options)
+        writer.start(profile="ros2", library="test")
+        schema = writer.register_schema(STRING, "ros2msg", b"string data")
+        channel = writer.register_channel("/a", "cdr", schema)
+        for at in (10, 20):
+            writer.add_message(channel, at, b"\0\1\0\0\1\0\0\0\0", at)
+        writer.finish()
+    with pytest.raises(BagError, match="its summary lacks the topics"), BagReader([path]):
+        pass
+
+
 def test_paths_that_are_no_recordings_are_said(tmp_path: Path) -> None:
     """Each mistake has its sentence."""
     (tmp_path / "folder").mkdir()
