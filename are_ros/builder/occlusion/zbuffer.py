@@ -27,11 +27,12 @@ class ZBuffer:
     at a pixel where Z_a is finite and Z_a <= Z_S + 1 mm. A camera inside a's box has Z_a = 0 in
     every pixel that has a ray, and that box, as a shape, hides all others. A camera inside an
     occupied voxel looks out of that one voxel. Rays are float32: a decision within a few
-    micrometres of an edge may fall either way.
+    micrometres of an edge may fall either way. With a `stride`, only every n-th row and column of
+    pixels is looked at.
     """
 
-    def __init__(self, view: ViewModel, max_range_m: float) -> None:
-        self._tiles = tiled(view.directions())
+    def __init__(self, view: ViewModel, max_range_m: float, stride: int = 1) -> None:
+        self._tiles = tiled(view.directions()[::stride, ::stride])
         self._max_range_m = np.float32(min(max_range_m, _FARTHEST_M))
 
     def visibility(

@@ -38,6 +38,9 @@ from are_ros.world.regions import (
 )
 
 _GROWN_M: Final = 1e-3
+_STRIDES: Final = (32, 4, 1)
+"""A box is looked for in every 32nd row and column of pixels first, then in every fourth: nearly
+all that are in view are found there, by a fraction of the rays."""
 
 
 class OutOfView:
@@ -53,7 +56,7 @@ class OutOfView:
         self._max_range_m = max_range_m
         self._environment: Environment | None = None
         self._viewpoints: tuple[CameraAt, ...] = ()
-        self._buffers: list[tuple[ViewModel, ZBuffer]] = []
+        self._buffers: list[tuple[ViewModel, list[ZBuffer]]] = []
 
     def look(self, environment: Environment, viewpoints: Sequence[CameraAt]) -> None:
         """Set the environment and the viewpoints; nothing is computed before `hides`."""
@@ -66,17 +69,19 @@ class OutOfView:
             return hidden
         field = VoxelField.of(self._environment.voxels)
         grown = OrientedBoxes(boxes.centres_m, boxes.yaws_rad, boxes.half_sizes_m + _GROWN_M)
-        self._buffers = [(point.view, self._buffer(point.view)) for point in self._viewpoints]
-        for point, (_, buffer) in zip(self._viewpoints, self._buffers, strict=True):
-            left = np.flatnonzero(hidden)
-            shown = buffer.visibility(point.map_from_camera, grown.take(left), field, mutual=False)
-            hidden[left] = shown.visible_pixels == 0
+        self._buffers = [(point.view, self._buffers_of(point.view)) for point in self._viewpoints]
+        for point, (_, buffers) in zip(self._viewpoints, self._buffers, strict=True):
+            for buffer in buffers:
+                left = np.flatnonzero(hidden)
+                in_question = grown.take(left)
+                shown = buffer.visibility(point.map_from_camera, in_question, field, mutual=False)
+                hidden[left] = shown.visible_pixels == 0
         return hidden
 
-    def _buffer(self, view: ViewModel) -> ZBuffer:
-        """Return the z-buffer of a view; that of the last call if the view is the same."""
-        known = (buffer for other, buffer in self._buffers if other == view)
-        return next(known, None) or ZBuffer(view, self._max_range_m)
+    def _buffers_of(self, view: ViewModel) -> list[ZBuffer]:
+        """Return the z-buffers of a view; those of the last call if the view is the same."""
+        known = (buffers for other, buffers in self._buffers if other == view)
+        return next(known, None) or [ZBuffer(view, self._max_range_m, n) for n in _STRIDES]
 
 
 Allowed = Callable[[OrientedBoxes], npt.NDArray[np.bool_]]
