@@ -22,25 +22,13 @@ _UNSEEN: Final = 65535
 
 
 @compiled
-def discs_fit(
-    clearance_m: npt.NDArray[np.float32], radius_m: float, unit_m: float
-) -> npt.NDArray[np.bool_]:
-    """Tell about the centre of which cells (H, W) a disc covers open cells only."""
-    fits: npt.NDArray[np.bool_] = np.empty(clearance_m.shape, np.bool_)
-    for row in range(clearance_m.shape[0]):
-        for col in range(clearance_m.shape[1]):
-            fits[row, col] = disc_fits(clearance_m, row, col, radius_m, unit_m)
-    return fits
-
-
-@compiled
 def disc_fits_in(
     clearance_m: npt.NDArray[np.float32],
     region: npt.NDArray[np.bool_],
     radius_m: float,
     unit_m: float,
 ) -> bool:
-    """Tell whether `discs_fit` about any cell of a region (H, W); mostly one of the first tells."""
+    """Tell whether a disc fits about any cell of a region (H, W); mostly one of the first tells."""
     for row in range(region.shape[0]):
         for col in range(region.shape[1]):
             if region[row, col] and disc_fits(clearance_m, row, col, radius_m, unit_m):

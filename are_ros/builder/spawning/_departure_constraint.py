@@ -10,14 +10,14 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros._compiled import compiled
+from are_ros._compiled import borrowing, compiled
 from are_ros.agents.behaviours.situation import Standing
 from are_ros.agents.body import TIGHTEST, Body
-from are_ros.agents.mdp.coarse_kernels import disc_fits_in, discs_fit
+from are_ros.agents.mdp.coarse_kernels import COL_STEPS, ROW_STEPS, disc_fits_in
 from are_ros.agents.mdp.coarse_map import rounded_up_m
 from are_ros.agents.navigation.destinations import APART_M
 from are_ros.agents.navigation.profile import NavigationProfile
-from are_ros.agents.navigation.terrain import Terrain, Terrains, rolls
+from are_ros.agents.navigation.terrain import Terrain, Terrains, disc_fits, rolls
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.world.boxes import TOUCH_TOLERANCE_M
 from are_ros.world.environment import Environment
@@ -36,6 +36,13 @@ _HALF_CELL: Final = 0.5
 _CERTAIN_HIT: Final = 0.25
 """As in `terrain.rolls` [cells]."""
 _HIT: Final = -1.0
+
+_UNSEEN: Final = np.uint8(0)
+_IN_QUEUE: Final = np.uint8(1)
+_LEADS_NOWHERE: Final = np.uint8(2)
+_LEADS_ON: Final = np.uint8(3)
+"""What is known of a cell: unseen; met by the present flood; closed, or in a part that is too
+small or has no cell of the region; in a large part of the region."""
 
 
 class DepartureConstraint:
@@ -114,12 +121,13 @@ class VehicleDepartureCheck(DepartureConstraint):
 
     @cached_property
     def is_anywhere(self) -> bool:
-        return bool(self._roomy.any())
+        cols = (np.flatnonzero(one) for one in self._region)
+        cells = (np.column_stack((np.full_like(c, row), c)) for row, c in enumerate(cols))
+        return any(self._leads_on(some).any() for some in cells)
 
     def is_free_at(self, points_m: _Floats) -> _Mask:
         free = super().is_free_at(points_m)
-        rows, cols = self._terrain.grid.points_to_cells(points_m[free, :2]).T
-        free[free] = self._roomy[rows, cols]
+        free[free] = self._leads_on(self._terrain.grid.points_to_cells(points_m[free, :2]))
         return free
 
     def leads_out(self, poses: _Floats) -> _Mask:
@@ -132,38 +140,84 @@ class VehicleDepartureCheck(DepartureConstraint):
         field, lattice = terrain.clearance_m, terrain.lattice
         return some_arc_is_free(field, lattice, unit_m, self._body, poses)
 
-    @cached_property
-    def _roomy(self) -> _Mask:
-        """The cells (H, W) of large parts, and their neighbours: centres may lie beside them."""
-        import cv2
+    def _leads_on(self, cells: npt.NDArray[np.int64]) -> _Mask:
+        """Tell which cells (N, 2) are in large parts, or beside: centres may lie there: bool (N,).
 
-        field, unit_m = self._terrain.clearance_m, self._terrain.grid.resolution_m
-        open_cells = discs_fit(field, self.radius_m, unit_m).view(np.uint8)
-        _, labels, boxes, _ = cv2.connectedComponentsWithStats(open_cells, connectivity=4)
-        sides = boxes[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
-        is_large = sides * unit_m >= LEAST_PART_M
-        is_large[0] = False
-        mask = parts_in(labels, is_large, self._region).view(np.uint8)
-        roomy: _Mask = cv2.dilate(mask, np.ones((3, 3), np.uint8)).view(np.bool_)
-        return roomy
+        A part is followed only until it is known to be large, as a map may have millions of cells.
+        """
+        terrain, disc_m = self._terrain, (self.radius_m, self._terrain.grid.resolution_m)
+        return lead_on(cells, terrain.clearance_m, disc_m, self._region, self._known, self._queue)
+
+    @cached_property
+    def _known(self) -> npt.NDArray[np.uint8]:
+        return np.zeros(self._region.shape, np.uint8)
+
+    @cached_property
+    def _queue(self) -> npt.NDArray[np.int64]:
+        return np.empty((self._region.size, 2), np.int64)  # memory that is never used costs nothing
 
 
 @compiled
-def parts_in(labels: npt.NDArray[np.int32], is_large: _Mask, region: _Mask) -> _Mask:
-    """Return the cells (H, W) of the large ones of the labelled parts that have a cell of a region.
+def lead_on(
+    cells: npt.NDArray[np.int64],
+    field: npt.NDArray[np.float32],
+    disc_m: tuple[float, float],
+    region: _Mask,
+    known: npt.NDArray[np.uint8],
+    queue: npt.NDArray[np.int64],
+) -> _Mask:
+    """Tell which cells (N, 2), row and col, have one of a large part in the 3 x 3 about them.
 
-    `is_large` (N,) is by label; a pass of a kernel takes a fifth of the time of numpy's index.
+    Parts are those of the cells where a disc, of this radius on cells of this size, fits. `known`
+    uint8 (H, W) keeps what is found; `queue` has room for all cells.
     """
-    has_cell, out = np.zeros(is_large.shape[0], np.bool_), np.empty(labels.shape, np.bool_)
-    for row in range(labels.shape[0]):
-        for col in range(labels.shape[1]):
-            if region[row, col]:
-                has_cell[labels[row, col]] = True
-    has_cell &= is_large
-    for row in range(labels.shape[0]):
-        for col in range(labels.shape[1]):
-            out[row, col] = has_cell[labels[row, col]]
-    return out
+    found = np.zeros(cells.shape[0], np.bool_)
+    for k in range(cells.shape[0]):
+        for row in range(max(cells[k, 0] - 1, 0), min(cells[k, 0] + 2, known.shape[0])):
+            for col in range(max(cells[k, 1] - 1, 0), min(cells[k, 1] + 2, known.shape[1])):
+                if known[row, col] == _UNSEEN:
+                    _follow_part(row, col, field, disc_m, region, known, queue)
+                found[k] |= known[row, col] == _LEADS_ON
+    return found
+
+
+@borrowing
+def _follow_part(
+    row: int,
+    col: int,
+    field: npt.NDArray[np.float32],
+    disc_m: tuple[float, float],
+    region: _Mask,
+    known: npt.NDArray[np.uint8],
+    queue: npt.NDArray[np.int64],
+) -> None:
+    """Find out about the part of an unseen cell, up to where it is known to be large or ends."""
+    if not disc_fits(field, row, col, disc_m[0], disc_m[1]):
+        known[row, col] = _LEADS_NOWHERE
+        return
+    queue[0, 0], queue[0, 1], known[row, col] = row, col, _IN_QUEUE
+    done, count, leads_on, has_cell = 0, 1, False, False
+    low_row, high_row, low_col, high_col = row, row, col, col
+    while done < count and not leads_on:
+        row, col = queue[done, 0], queue[done, 1]
+        low_row, high_row = min(low_row, row), max(high_row, row)
+        low_col, high_col = min(low_col, col), max(high_col, col)
+        has_cell |= region[row, col]
+        side = 1 + max(high_row - low_row, high_col - low_col)
+        leads_on = has_cell and side * disc_m[1] >= LEAST_PART_M
+        for direction in range(4):
+            r, c = row + ROW_STEPS[direction], col + COL_STEPS[direction]
+            if not (0 <= r < known.shape[0] and 0 <= c < known.shape[1]):
+                continue
+            leads_on |= known[r, c] == _LEADS_ON
+            if known[r, c] == _UNSEEN:
+                known[r, c] = _LEADS_NOWHERE
+                if disc_fits(field, r, c, disc_m[0], disc_m[1]):
+                    queue[count, 0], queue[count, 1], known[r, c] = r, c, _IN_QUEUE
+                    count += 1
+        done += 1
+    for k in range(count):
+        known[queue[k, 0], queue[k, 1]] = _LEADS_ON if leads_on else _LEADS_NOWHERE
 
 
 def _row_of(body: Body) -> _Floats:

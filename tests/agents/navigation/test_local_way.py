@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from are_ros.agents.mdp.coarse_kernels import discs_fit
 from are_ros.agents.mdp.coarse_map import CoarseMap
 from are_ros.agents.navigation.local_way import AHEAD, LEAST_M, MARGINS, way_round
 from are_ros.agents.navigation.terrain import disc_fits
@@ -29,7 +28,9 @@ def to_points(points: list[Point]) -> npt.NDArray[np.float64]:
 def fitting(coarse: CoarseMap, radius_m: float) -> Mask:
     """Tell at which fine cells a disc fits."""
     field = coarse.ground.clearance_m
-    return discs_fit(field, radius_m, coarse.grid.resolution_m)
+    cells, cell_m = np.ndindex(field.shape), coarse.grid.resolution_m
+    fits = [disc_fits(field, row, col, radius_m, cell_m) for row, col in cells]
+    return np.array(fits).reshape(field.shape)
 
 
 def steps_between(open_cells: Mask, start: tuple[int, int], goal: tuple[int, int]) -> float:

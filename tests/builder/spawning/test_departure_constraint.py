@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import ndimage
 
 from are_ros.agents.body import Body
 from are_ros.agents.mdp.coarse_map import CoarseMaps, rounded_up_m
 from are_ros.agents.navigation.profile import NavigationProfile
 from are_ros.agents.navigation.terrain import Terrains
 from are_ros.builder.spawning._departure_constraint import (
+    LEAST_PART_M,
     DepartureConstraint,
     VehicleDepartureCheck,
     departure_constraint_of,
     discs_are_free,
-    parts_in,
 )
 from are_ros.population.catalogue import CatalogueRow, MotionLimits
 from are_ros.world.rigid_transform import RigidTransform
@@ -126,13 +127,29 @@ def test_a_part_too_short_for_a_trip_is_a_pocket() -> None:
         assert roaming.is_anywhere == any(expected)
 
 
-def test_of_the_large_parts_those_with_a_cell_of_the_region_count() -> None:
-    """Part 1 is large, but beside the region; part 2 is small; all of part 3 counts."""
-    labels = np.array([[0, 1, 1, 0], [2, 2, 3, 3], [0, 0, 3, 3]], np.int32)
-    region = np.zeros(labels.shape, np.bool_)
-    region[0, 0] = region[1, 1] = region[1, 2] = True
-    found = parts_in(labels, np.array([False, True, False, True]), region)
-    np.testing.assert_array_equal(found, labels == 3)
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 10**6), share=st.floats(0.0, 0.6), cell_m=st.floats(0.2, 1.0))
+def test_of_the_large_parts_those_with_a_cell_of_the_region_count(
+    seed: int, share: float, cell_m: float
+) -> None:
+    """Random clutter and regions, asked about in random order, against all parts labelled."""
+    random = np.random.default_rng(seed)
+    free, region = random.random((20, 25)) >= share, random.random((20, 25)) < 0.03
+    terrain = Terrains().of(environment_of(free, cell_m), 1.0)
+    body, radius_m = Body.of(row_of(0.4, 0.2, motion=DRIVES)), 0.1
+    labels, _ = ndimage.label(free)  # cells are wider than the disc
+    large = np.zeros_like(free)
+    for number, slices in enumerate(ndimage.find_objects(labels), 1):
+        is_long = max(side.stop - side.start for side in slices) * cell_m >= LEAST_PART_M
+        large |= (labels == number) & (is_long and region[labels == number].any())
+    expected = ndimage.binary_dilation(large, np.ones((3, 3))) & free
+    cells = random.permutation(np.argwhere(free))
+    check = VehicleDepartureCheck(terrain, body, radius_m, region)
+    halves = np.array_split(terrain.grid.cells_to_points(cells), 2)
+    found = np.concatenate([check.is_free_at(points_m) for points_m in halves])
+    np.testing.assert_array_equal(found, expected[tuple(cells.T)])
+    assert check.is_anywhere == large.any()
+    assert VehicleDepartureCheck(terrain, body, radius_m, region).is_anywhere == large.any()
 
 
 @pytest.mark.parametrize("size_m", [(1.25, 0.58), (2.1, 1.1), (4.3, 1.8), (0.4, 0.4)])
