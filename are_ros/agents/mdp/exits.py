@@ -105,10 +105,8 @@ def _spread(opening: _Cells, places: _Cells, apart: float) -> list[_Cells]:
 
 def _large_parts(mask: _Mask, least_cells: float) -> _Mask:
     """Return the mask without its connected parts of fewer cells."""
-    labels = _labels(mask)
-    is_large = np.bincount(labels.ravel()) >= least_cells
-    is_large[0] = False
-    large: _Mask = is_large[labels]
+    parts, large = _labels(mask)[mask], np.zeros_like(mask)  # mostly few cells
+    large[mask] = (np.bincount(parts) >= least_cells)[parts]
     return large
 
 

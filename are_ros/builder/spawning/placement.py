@@ -559,7 +559,8 @@ class Placer:
         return self._ordered(np.flatnonzero(self._region.mask))
 
     def _ordered(self, flat: _Poses) -> CandidateCells:
-        clearance_cells = self._clearance_cells.ravel()[flat]
+        clearance_m = self._environment.clearance_m.ravel().take(flat)
+        clearance_cells = np.divide(clearance_m, self._grid.resolution_m, dtype=np.float32)
         cells = CandidateCells.ordered(flat.astype(np.int32), clearance_cells)
         if self._region.weight is None:
             return cells
