@@ -51,11 +51,12 @@ def messages_in_file_order(file: Path, topics: Mapping[int, str]) -> Iterator[Ra
     if file.suffix == ".db3":
         yield from _rows(file, "topic_id, timestamp, data", topics)
         return
-    from mcap.reader import make_reader
+    from mcap.reader import NonSeekingReader
 
     with file.open("rb") as stream:
-        names = set(topics.values())
-        for _, channel, message in make_reader(stream).iter_messages(names, log_time_order=False):
+        # the reader that seeks would first read the whole file, which may be larger than the memory
+        reader, names = NonSeekingReader(stream), set(topics.values())
+        for _, channel, message in reader.iter_messages(names, log_time_order=False):
             if channel.id in topics:
                 yield channel.id, message.log_time, message.data
 

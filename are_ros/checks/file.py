@@ -9,7 +9,7 @@ from typing import Any, Final
 from zlib import crc32
 
 import yaml
-from mcap.reader import make_reader
+from mcap.reader import NonSeekingReader, make_reader
 
 from are_ros.bag.reader import sentence_of
 from are_ros.bag.recording import PREFIX, home_of, without_home
@@ -95,7 +95,9 @@ def _read_all(
         for number, channel in summary.channels.items()
     }
     latest: dict[str, int] = {}
-    for _, channel, message in reader.iter_messages(log_time_order=False):
+    stream.seek(0)  # a reader that seeks would keep all messages, to have them in this order
+    in_order = NonSeekingReader(stream, validate_crcs=True)
+    for _, channel, message in in_order.iter_messages(log_time_order=False):
         reading.look()
         order.look()
         back_ns = latest.get(channel.topic, 0) - message.log_time

@@ -215,9 +215,9 @@ class Record:
             if any(abs(since_ns - stamp_ns) <= _MAP_SLACK_NS for since_ns in later):
                 return None
             return self.maps[bisect_right(later, stamp_ns)] if self.maps else None
-        known = [real for real in self.maps if real.since_ns < stamp_ns]
+        known = bisect_left(self.maps, stamp_ns, key=lambda real: real.since_ns)
         if known:
-            return known[-1]
+            return self.maps[known - 1]
         # A map from a file is there before the first tick, and logged at its very time.
         return self.maps[0] if self.maps and self.maps[0].since_ns == stamp_ns else None
 

@@ -1,5 +1,7 @@
 """The lists of the perceived: each sighting by itself, and the events that tell of changes."""
 
+from bisect import bisect_left
+from collections import defaultdict
 from collections.abc import Sequence
 from typing import Final
 
@@ -27,12 +29,13 @@ def check_perceived(record: Record) -> CheckResult:
     tally = Tally(name, "sighting")
     alive = {scene.at_ns: set(scene.ids.tolist()) for scene in record.scenes}
     ever = set().union(*alive.values()) if record.settings.certainty.enabled else set()
+    sizes = _ImageSizes(record)
     for message in record.perceived:
         at_ns = message.at_ns
         if record.is_live and at_ns not in alive:
             tally.leave_out("message", "without a list of the living")
             continue
-        if not _image_sizes(record, at_ns, ()):
+        if not sizes.at(at_ns):
             hint = "without its CameraInfo" if record.is_live else "without --with-inputs"
             tally.note(f"the size of the camera's image is not known {hint}")
         before = -1
@@ -42,7 +45,7 @@ def check_perceived(record: Record) -> CheckResult:
                 _id_fault(one.artefact_id, alive.get(at_ns, set()), ever, record),
                 "is not listed in the order of ids" if one.artefact_id <= before else "",
                 _sighting_fault(one, record.parameters.occlusion.tau, message.stamp_ns),
-                _roi_fault(one.roi, _image_sizes(record, at_ns, one.cameras)),
+                _roi_fault(one.roi, sizes.at(at_ns, one.cameras)),
             ]
             before = one.artefact_id
             for fault in filter(None, faults):
@@ -83,32 +86,43 @@ def _sighting_fault(one: Sighting, tau: int, stamp_ns: int) -> str:
     return "was last seen in the future" if one.last_seen_ns > stamp_ns else ""
 
 
-def _image_sizes(record: Record, at_ns: int, cameras: Sequence[str]) -> list[tuple[int, int]]:
-    """Return the sizes (width, height) that the image may have; none where nothing tells them.
+class _ImageSizes:
+    """The sizes (width, height) that the cameras' images may have, by what tells them."""
 
-    With several cameras it is that of the first of `cameras`, the names of those that saw it. Of
-    several CameraInfos, nothing tells which one is that of the only camera.
-    """
-    camera = record.settings.camera
-    images = [image for of_topic in record.images.values() for image in of_topic]
-    if camera.others:
-        infos = [
-            image
-            for image in images
-            if image.message.header.frame_id.lstrip("/") in cameras[:1] or not cameras
-        ]
-        own = [] if camera.model is CameraModel.AUTO else [(camera.width, camera.height)]
-        return own + sorted({(image.width, image.height) for image in infos})
-    if camera.model is not CameraModel.AUTO:
-        return [(camera.width, camera.height)]
-    if record.is_live:  # a CameraInfo came a little before or after it was recorded
-        return sorted({(image.width, image.height) for image in images})
-    if images:
-        known = [[one for one in some if one.at_ns < at_ns] for some in record.images.values()]
-        # What is held since the look before may be in the image of the info before.
-        sizes = [(image.width, image.height) for some in known for image in some[-2:]]
-        return sizes or [(camera.width, camera.height)]
-    return [] if record.lacks_inputs else [(camera.width, camera.height)]
+    def __init__(self, record: Record) -> None:
+        self._record = record
+        self._images = [image for of_topic in record.images.values() for image in of_topic]
+        self._times_ns = [[one.at_ns for one in some] for some in record.images.values()]
+        by_frame = defaultdict[str, set[tuple[int, int]]](set)
+        for image in self._images:
+            frame = image.message.header.frame_id.lstrip("/")
+            by_frame[frame].add((image.width, image.height))
+        self._by_frame = by_frame
+        self._all = sorted(set().union(*by_frame.values()))
+
+    def at(self, at_ns: int, cameras: Sequence[str] = ()) -> list[tuple[int, int]]:
+        """Return the sizes that an image may have at a time; none where nothing tells them.
+
+        With several cameras it is that of the first of `cameras`, the names of those that saw it.
+        Of several CameraInfos, nothing tells which one is that of the only camera.
+        """
+        record = self._record
+        camera = record.settings.camera
+        if camera.others:
+            own = [] if camera.model is CameraModel.AUTO else [(camera.width, camera.height)]
+            return own + (sorted(self._by_frame.get(cameras[0], ())) if cameras else self._all)
+        if camera.model is not CameraModel.AUTO:
+            return [(camera.width, camera.height)]
+        if record.is_live:  # a CameraInfo came a little before or after it was recorded
+            return self._all
+        if self._images:
+            ends = [bisect_left(times_ns, at_ns) for times_ns in self._times_ns]
+            # What is held since the look before may be in the image of the info before.
+            known = zip(record.images.values(), ends, strict=True)
+            last = [one for some, end in known for one in some[max(0, end - 2) : end]]
+            sizes = [(one.width, one.height) for one in last]
+            return sizes or [(camera.width, camera.height)]
+        return [] if record.lacks_inputs else [(camera.width, camera.height)]
 
 
 def _roi_fault(roi: tuple[int, int, int, int], sizes: list[tuple[int, int]]) -> str:

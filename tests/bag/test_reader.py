@@ -1,5 +1,6 @@
 """Reading recordings of every kind, and saying what is wrong with bad ones."""
 
+import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from rosbags.rosbag2 import Writer as Ros2Writer
 
 from are_ros.bag.reader import BagReader, BagTopic
 from are_ros.bag.types import jazzy_typestore
+from are_ros.checks.file import check_files
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError, InputError
 from are_ros.messages.transforms import StampedTransform
@@ -423,3 +425,22 @@ def test_every_real_recording_is_read_whole(real_data: Path) -> None:
             counted = sum(topic.count for topic in reader.topics)
             objects = [reader.deserialize(message) for message in reader.messages()]
         assert len(objects) == counted
+
+
+def test_an_mcap_is_read_in_file_order_chunk_by_chunk(
+    tmp_path: Path, write_bag: WriteBag, factory: RosbagsFactory
+) -> None:
+    """Of 48 MB, compressed to a hundredth, a few are in memory at a time, in `are check`, too."""
+    texts_of_a_megabyte = strings(factory, *(("/a", at, "." * 10**6) for at in range(48)))
+    path = write_bag(tmp_path / "bag.mcap", texts_of_a_megabyte)
+    with BagReader([path]) as reader:
+        tracemalloc.start()
+        try:
+            assert sum(1 for _ in reader.in_file_order(["/a"])) == 48
+            of_reader = tracemalloc.get_traced_memory()[1]
+            tracemalloc.reset_peak()
+            assert check_files((path,), is_live=True)[0].looked_at == 48
+            of_check = tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+    assert max(of_reader, of_check) < 16 * 10**6
