@@ -134,6 +134,8 @@ class NodeSnapshot:
     """How much later than the node's time the newest transform is stamped; None without one."""
     inputs: tuple[InputSnapshot, ...] = ()
     robot_problem: str = ""
+    robot_beyond: str = ""
+    """Where the robot is, if its pose is known and not on the map, as "x 50.0 m, y 50.0 m"."""
     camera_problem: str = ""
     cloud_problem: str = ""
     """Why the cloud of voxels that was received is not used yet."""
@@ -226,13 +228,22 @@ def _lacking(snapshot: NodeSnapshot) -> list[InputSnapshot]:
 
 
 def robot_doubt(snapshot: NodeSnapshot) -> str:
-    """Return the sentence about a pose of the robot that has not come for a while; "" if it has.
+    """Return the sentence about a pose of the robot that has not come for a while, or is off.
 
-    Without the required inputs there is none: those come first.
+    It is "" if the robot is on the map. Without the required inputs there is none: those come
+    first.
     """
     is_early = snapshot.active_s < GRACE_S or bool(_lacking(snapshot))
-    problem = "" if is_early else snapshot.robot_problem
-    return f"no pose of the robot, so nothing is perceived: {problem}" if problem else ""
+    if is_early or not (snapshot.robot_problem or snapshot.robot_beyond):
+        return ""
+    if snapshot.robot_problem:
+        return f"no pose of the robot, so nothing is perceived: {snapshot.robot_problem}"
+    return beyond_the_map(snapshot.robot_beyond)
+
+
+def beyond_the_map(place: str) -> str:
+    """Return the sentence about a robot that is not on the map, but at this place."""
+    return f"the robot is beyond the map, at {place}: is it localised on this map?"
 
 
 def _is_stale(entry: InputSnapshot) -> bool:
@@ -369,10 +380,13 @@ def _frames(snapshot: NodeSnapshot) -> list[Status]:
         ("frames/camera", camera, no_camera, "nothing is perceived", known),
         ("cloud", cloud, Level.WARN, waits, "no cloud waits"),
     )
-    return [
+    found = [
         Status(level, name, f"{said}: {problem}") if problem else Status(Level.OK, name, fine)
         for name, problem, level, said, fine in parts
     ]
+    if snapshot.robot_beyond and not robot:
+        found[0] = Status(Level.WARN, "frames/robot", beyond_the_map(snapshot.robot_beyond))
+    return found
 
 
 FALLS_BEHIND: Final = "the node does not keep up with its clock"
@@ -605,6 +619,7 @@ class Reporter:
         return {
             "stamps_ahead_s": self._stamps_ahead_s(builder),
             "robot_problem": builder.robots.missing,
+            "robot_beyond": _beyond(builder),
             "camera_problem": _camera_problem(builder),
             "cloud_problem": f"nothing joins its frame '{frame}' to the map" if frame else "",
             "ticks": live.watch.figures(now_ns),
@@ -656,6 +671,15 @@ class Reporter:
                 last_problem=problems.get(topic, ""),
                 late_s=late_ns.get(topic, 0) / NS_PER_S,
             )
+
+
+def _beyond(builder: ArBuilder) -> str:
+    """Return where the robot is, empty if that is on the map, or not known."""
+    robot, grid = builder.robots.last, builder.world.grid
+    if robot is None or grid is None or builder.robots.missing:
+        return ""
+    x_m, y_m, _ = robot.map_from_base.translation_m.tolist()
+    return "" if grid.cell_at(x_m, y_m) else f"x {x_m:.1f} m, y {y_m:.1f} m"
 
 
 def _camera_problem(builder: ArBuilder) -> str:

@@ -251,6 +251,12 @@ TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
         "no pose of the robot: frame 'odom' was not seen so far",
     ),
     (
+        {"robot_beyond": "x 50.0 m, y 50.0 m"},
+        "frames/robot",
+        Level.WARN,
+        "the robot is beyond the map, at x 50.0 m, y 50.0 m: is it localised on this map?",
+    ),
+    (
         {"camera_problem": "frame 'camera' was not seen so far"},
         "frames/camera",
         Level.WARN,

@@ -290,6 +290,21 @@ def test_transforms_that_stop_and_come_back(bench: Bench, later: Later) -> None:
         assert said(bench, name)[0] == OK, name
 
 
+def test_a_robot_beyond_the_map_is_told_until_it_is_back(bench: Bench, later: Later) -> None:
+    """The log says it after a while: a localization that jumps is not worth a word."""
+    step(bench, 1000.2, x=50.0)
+    sentence = "the robot is beyond the map, at x 50.0 m, y 2.0 m: is it localised on this map?"
+    assert said(bench, "frames/robot") == (WARN, sentence)
+    assert not [one for one in bench.warnings() if "beyond the map" in one]
+    for t_s in (1000.3, 1000.4):  # it is told once it has lasted
+        later(6.0)
+        step(bench, t_s, x=50.0)
+        bench.report()
+    assert bench.warnings().count(sentence) == 1
+    step(bench, 1000.5)
+    assert said(bench, "frames/robot")[0] == OK
+
+
 def test_a_pose_that_came_back_is_not_missed_again(bench: Bench, later: Later) -> None:
     """The log forgets what it said when the node is configured anew; what was mended stays so."""
     step(bench, 1000.2)
