@@ -44,7 +44,12 @@ from are_ros.replay.progress import KernelBar, OpenProgress, Say, Stopwatch, sai
 from are_ros.replay.results import REPLAY_PHASE
 from are_ros.replay.runner import Listener, Replay
 from are_ros.replay.scene_record import SceneRecorder
-from are_ros.replay.survey.frame_survey import root_above, static_tf_option, upward_cameras
+from are_ros.replay.survey.frame_survey import (
+    moving_beside,
+    root_above,
+    static_tf_option,
+    upward_cameras,
+)
 from are_ros.replay.survey.recorded_pose import option_of_poses
 from are_ros.replay.timeline import (
     LATE_INPUT_NS,
@@ -337,7 +342,9 @@ def _what_joins(reader: BagReader, builder: ArBuilder, roles: RolesFound) -> str
         return f"--set frames.max_age:=SECONDS takes older ones; it is {max_age_s:g}"
     parents = {edge.child: edge.parent for edge in builder.frames.edges()}
     root = root_above(base, parents)
-    if root == map_frame or not builder.frames.has_frame(base):
+    edges = ((edge.parent, edge.child, not edge.is_static) for edge in builder.frames.edges())
+    is_still = bool(moving_beside(base, edges))  # a robot below the map itself would not move
+    if root == map_frame or is_still or not builder.frames.has_frame(base):
         options = "--static-tf, --map-frame or --set frames.base:=NAME"
         return f"see `are inspect BAG`, and give what is missing with {options}"
     return (

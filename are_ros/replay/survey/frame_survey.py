@@ -101,6 +101,11 @@ class FrameSurvey:
         """Return the frame at the top of the tree that holds `frame`."""
         return root_above(frame, {edge.child: edge.parent for edge in self.edges})
 
+    def moving_beside(self, frame: str) -> str:
+        """Return the frame that moves in another tree, where nothing above `frame` does; or ""."""
+        edges = ((edge.parent, edge.child, edge.rate_hz > 0.0) for edge in self.edges)
+        return moving_beside(frame, edges)
+
     def tree_lines(self) -> tuple[str, ...]:
         """Return the tree as indented lines, roots first; each edge stands once."""
         children: dict[str, list[SurveyedEdge]] = defaultdict(list)
@@ -207,6 +212,22 @@ def root_above(frame: str, parents: Mapping[str, str]) -> str:
         passed.add(above)
         frame = above
     return frame
+
+
+def moving_beside(frame: str, edges: Iterable[tuple[str, str, bool]]) -> str:
+    """Return the frame that moves in another tree, where nothing above `frame` does.
+
+    Edges are (parent, child, whether it moves). Empty if there is none, or more than one.
+    """
+    edges = list(edges)
+    joined = connected_to(frame, ((parent, child) for parent, child, _ in edges))
+    parents = {child: parent for parent, child, _ in edges}
+    moving = {child for _, child, moves in edges if moves}
+    at, above = frame, {frame}
+    while (at := parents.get(at, "")) and at not in above:
+        above.add(at)
+    ends = moving - joined - {parents[child] for child in moving}
+    return ends.pop() if len(ends) == 1 and not above & moving else ""
 
 
 def static_tf_option(parent: str, child: str) -> str:

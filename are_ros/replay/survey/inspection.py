@@ -360,6 +360,13 @@ def _missing_pose(
             f"there is no frame of the base, neither {names}: give it with --set frames.base:=NAME"
             f" ({choice})"
         )
+    elif moving := "" if is_joined else survey.moving_beside(base_frame):
+        option = static_tf_option(moving, survey.root_of(base_frame))
+        yield (
+            f"nothing joins {base_frame} to {moving}, which moves as the robot does: give the"
+            f" transform with {option} (six zeros, if it is the same place)"
+        )
+        yield from _missing_pose(survey, map_frame, moving, reader, roles)
     elif not is_joined:
         beside = ", ".join(sorted(survey.connected_to(base_frame) - {base_frame}))
         others = f", which hangs together with {beside}" if beside else ""

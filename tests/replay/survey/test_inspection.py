@@ -405,6 +405,23 @@ def test_a_base_that_hangs_alone_hangs_together_with_nothing(
     assert no_pose.startswith("nothing joins map to base_link: give the transform")
 
 
+def test_a_base_that_stands_beside_what_moves_is_joined_to_that(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """Below the map itself the robot would stand still, whatever its wheels do."""
+    edges = [transform("odom", "chassis", k * S) for k in range(5)]
+    edges += [transform("base_link", "wheel", k * S) for k in range(5)]
+    records = [("/tf", e.stamp_ns, make_transforms(factory, [e])) for e in edges]
+    joint = make_transforms(factory, [transform("base_footprint", "base_link", 0)])
+    records.append(("/tf_static", 0, joint))
+    path = write_bag(tmp_path / "bag.mcap", sorted(records, key=lambda record: record[1]))
+    no_base, no_pose = inspected(path, has_map_file=True).missing
+    assert no_base.startswith("nothing joins base_footprint to chassis, which moves")
+    assert '--static-tf "X Y Z YAW PITCH ROLL chassis base_footprint"' in no_base
+    assert no_pose.startswith("nothing joins map to chassis, which hangs together with odom:")
+    assert '--static-tf "X Y Z YAW PITCH ROLL map odom"' in no_pose
+
+
 def test_what_is_stamped_0_is_missing_its_stamps(
     tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
 ) -> None:
