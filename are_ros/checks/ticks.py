@@ -186,6 +186,7 @@ class _LivingArtefacts:
         self.arrived_ns: dict[int, int] = {}
         self._behaviours: dict[int, str] = {}
         self.departed_ns: dict[int, int] = {}
+        self._living: set[int] = set()
         self._tally = tally
 
     def hear(self, event: Event) -> None:
@@ -195,12 +196,14 @@ class _LivingArtefacts:
             unheard_of = number not in self.arrived_ns
             self._tally.require(unheard_of, f"id {number} arrives again {at_s(stamp_ns)}")
             self.arrived_ns[number] = stamp_ns
+            self._living |= {number} - self.departed_ns.keys()
         elif event.kind == DEPARTED:
             lives = number in self.arrived_ns and number not in self.departed_ns
             self._tally.require(
                 lives, f"id {number} departs {at_s(stamp_ns)}, but it was not there"
             )
             self.departed_ns[number] = stamp_ns
+            self._living.discard(number)
         elif event.kind == CHANGED:
             was, _, becomes = event.detail.partition(_BECOMES)
             known = self._behaviours.get(number, was)
@@ -212,7 +215,7 @@ class _LivingArtefacts:
 
     def living(self) -> list[int]:
         """Return the ids that arrived and did not depart."""
-        return sorted(self.arrived_ns.keys() - self.departed_ns.keys())
+        return sorted(self._living)
 
     def compare(self, scene: Scene) -> None:
         """Compare the behaviours of a tick with those that the events say."""
@@ -226,8 +229,9 @@ class _LivingArtefacts:
         self._behaviours.update(zip(scene.ids.tolist(), scene.behaviours, strict=True))
         arrivals = dict(zip(scene.ids.tolist(), scene.arrivals_ns.tolist(), strict=True))
         self.arrived_ns = {**arrivals, **self.arrived_ns}
-        for number in set(self.living()) - arrivals.keys():
+        for number in self._living - arrivals.keys():
             self.departed_ns[number] = scene.stamp_ns
+        self._living = arrivals.keys() - self.departed_ns.keys()
 
 
 def _check_spans(tally: Tally, scene: Scene, arrived_ns: dict[int, int]) -> None:

@@ -8,6 +8,7 @@ sub-step after a tick and in the last one before the next tick; in between its s
 import math
 from bisect import bisect_right
 from collections import defaultdict
+from operator import itemgetter
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -67,6 +68,7 @@ class BoxPositions:
         self._stamps = [scene.stamp_ns for scene in record.scenes]
         self._step_ns = seconds_to_ns(record.settings.motion.step)
         self._departures_ns = departures_ns(record)
+        self._departed = sorted((at_ns, number) for number, at_ns in self._departures_ns.items())
         self._jumps: dict[int, list[tuple[int, float]]] = defaultdict(list)
         for event in record.events:
             if event.kind == DISPLACED:
@@ -113,11 +115,12 @@ class BoxPositions:
 
     def _came_and_went(self, earlier: Scene, due_ns: int) -> bool:
         """Tell whether an artefact departed that only a missing tick could have shown."""
-        listed = set(earlier.ids.tolist())
-        return any(
-            earlier.stamp_ns < departed_ns <= due_ns and number not in listed
-            for number, departed_ns in self._departures_ns.items()
+        first, last = (
+            bisect_right(self._departed, at_ns, key=itemgetter(0))
+            for at_ns in (earlier.stamp_ns, due_ns)
         )
+        departed = {number for _, number in self._departed[first:last]}
+        return not departed <= set(earlier.ids.tolist())
 
     def _present(self, earlier: Scene, later: Scene, stamp_ns: int) -> list[Box]:
         """Return the artefacts of the tick before that have not departed."""
