@@ -3,6 +3,7 @@
 from bisect import bisect_left
 from collections import defaultdict
 from collections.abc import Sequence
+from itertools import chain
 from typing import Final
 
 from are_ros.bag.decoded import LOST, PERCEIVED, Event, Scene, Sighting
@@ -91,14 +92,12 @@ class _ImageSizes:
 
     def __init__(self, record: Record) -> None:
         self._record = record
-        self._images = [image for of_topic in record.images.values() for image in of_topic]
         self._times_ns = [[one.at_ns for one in some] for some in record.images.values()]
-        by_frame = defaultdict[str, set[tuple[int, int]]](set)
-        for image in self._images:
+        self._by_frame = defaultdict[str, set[tuple[int, int]]](set)
+        for image in chain.from_iterable(record.images.values()):
             frame = image.message.header.frame_id.lstrip("/")
-            by_frame[frame].add((image.width, image.height))
-        self._by_frame = by_frame
-        self._all = sorted(set().union(*by_frame.values()))
+            self._by_frame[frame].add((image.width, image.height))
+        self._all = sorted(set().union(*self._by_frame.values()))
 
     def at(self, at_ns: int, cameras: Sequence[str] = ()) -> list[tuple[int, int]]:
         """Return the sizes that an image may have at a time; none where nothing tells them.
@@ -115,7 +114,7 @@ class _ImageSizes:
             return [(camera.width, camera.height)]
         if record.is_live:  # a CameraInfo came a little before or after it was recorded
             return self._all
-        if self._images:
+        if self._all:
             ends = [bisect_left(times_ns, at_ns) for times_ns in self._times_ns]
             # What is held since the look before may be in the image of the info before.
             known = zip(record.images.values(), ends, strict=True)

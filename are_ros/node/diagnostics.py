@@ -135,7 +135,7 @@ class NodeSnapshot:
     inputs: tuple[InputSnapshot, ...] = ()
     robot_problem: str = ""
     robot_beyond: str = ""
-    """Where the robot is, if its pose is known and not on the map, as "x 50.0 m, y 50.0 m"."""
+    """That the robot's pose is known, and not on the map."""
     camera_problem: str = ""
     cloud_problem: str = ""
     """Why the cloud of voxels that was received is not used yet."""
@@ -234,16 +234,11 @@ def robot_doubt(snapshot: NodeSnapshot) -> str:
     first.
     """
     is_early = snapshot.active_s < GRACE_S or bool(_lacking(snapshot))
-    if is_early or not (snapshot.robot_problem or snapshot.robot_beyond):
+    if is_early:
         return ""
     if snapshot.robot_problem:
         return f"no pose of the robot, so nothing is perceived: {snapshot.robot_problem}"
-    return beyond_the_map(snapshot.robot_beyond)
-
-
-def beyond_the_map(place: str) -> str:
-    """Return the sentence about a robot that is not on the map, but at this place."""
-    return f"the robot is beyond the map, at {place}: is it localised on this map?"
+    return snapshot.robot_beyond
 
 
 def _is_stale(entry: InputSnapshot) -> bool:
@@ -374,19 +369,23 @@ def _frames(snapshot: NodeSnapshot) -> list[Status]:
     is_begun = snapshot.active_s >= GRACE_S
     no_robot, no_camera = (Level.ERROR, Level.WARN) if is_begun else (Level.OK, Level.OK)
     robot, camera, cloud = snapshot.robot_problem, snapshot.camera_problem, snapshot.cloud_problem
-    known, waits = "its pose in the map is known", "the cloud of voxels is not used yet"
-    parts = (
-        ("frames/robot", robot, no_robot, "no pose of the robot", known),
-        ("frames/camera", camera, no_camera, "nothing is perceived", known),
-        ("cloud", cloud, Level.WARN, waits, "no cloud waits"),
-    )
-    found = [
-        Status(level, name, f"{said}: {problem}") if problem else Status(Level.OK, name, fine)
-        for name, problem, level, said, fine in parts
+    known = "its pose in the map is known"
+    parts = [
+        ("frames/robot", robot and f"no pose of the robot: {robot}", no_robot, known),
+        ("frames/camera", camera and f"nothing is perceived: {camera}", no_camera, known),
+        (
+            "cloud",
+            cloud and f"the cloud of voxels is not used yet: {cloud}",
+            Level.WARN,
+            "no cloud waits",
+        ),
     ]
-    if snapshot.robot_beyond and not robot:
-        found[0] = Status(Level.WARN, "frames/robot", beyond_the_map(snapshot.robot_beyond))
-    return found
+    if not robot:
+        parts[0] = ("frames/robot", snapshot.robot_beyond, Level.WARN, known)
+    return [
+        Status(level, name, said) if said else Status(Level.OK, name, fine)
+        for name, said, level, fine in parts
+    ]
 
 
 FALLS_BEHIND: Final = "the node does not keep up with its clock"
@@ -674,12 +673,14 @@ class Reporter:
 
 
 def _beyond(builder: ArBuilder) -> str:
-    """Return where the robot is, empty if that is on the map, or not known."""
+    """Return the sentence about a robot that is not on the map; empty if it is, or not known."""
     robot, grid = builder.robots.last, builder.world.grid
     if robot is None or grid is None or builder.robots.missing:
         return ""
     x_m, y_m, _ = robot.map_from_base.translation_m.tolist()
-    return "" if grid.cell_at(x_m, y_m) else f"x {x_m:.1f} m, y {y_m:.1f} m"
+    place = f"x {x_m:.1f} m, y {y_m:.1f} m"
+    sentence = f"the robot is beyond the map, at {place}: is it localised on this map?"
+    return "" if grid.cell_at(x_m, y_m) else sentence
 
 
 def _camera_problem(builder: ArBuilder) -> str:

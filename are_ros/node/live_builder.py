@@ -18,13 +18,7 @@ from are_ros.messages.goals import read_clicked_point
 from are_ros.messages.maps import encode_grid, read_grid
 from are_ros.messages.sensors import SENSORS, SensorOutputs, sensor_topics
 from are_ros.messages.tick_encoding import ALL_OUTPUTS, OCTOMAP, TickEncoder
-from are_ros.node.watches import (
-    MINUTE_NS,
-    PREPARING,
-    CallbackTimer,
-    FaultWatch,
-    TickWatch,
-)
+from are_ros.node.watches import MINUTE_NS, PREPARING, CallbackTimer, FaultWatch, TickWatch
 from are_ros.parameters.choices import CostmapGate, SensorGate
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue

@@ -251,10 +251,10 @@ TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
         "no pose of the robot: frame 'odom' was not seen so far",
     ),
     (
-        {"robot_beyond": "x 50.0 m, y 50.0 m"},
+        {"robot_beyond": "the robot is beyond the map"},
         "frames/robot",
         Level.WARN,
-        "the robot is beyond the map, at x 50.0 m, y 50.0 m: is it localised on this map?",
+        "the robot is beyond the map",
     ),
     (
         {"camera_problem": "frame 'camera' was not seen so far"},

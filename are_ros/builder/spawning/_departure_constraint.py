@@ -38,11 +38,10 @@ _CERTAIN_HIT: Final = 0.25
 _HIT: Final = -1.0
 
 _UNSEEN: Final = np.uint8(0)
-_IN_QUEUE: Final = np.uint8(1)
-_LEADS_NOWHERE: Final = np.uint8(2)
-_LEADS_ON: Final = np.uint8(3)
-"""What is known of a cell: unseen; met by the present flood; closed, or in a part that is too
-small or has no cell of the region; in a large part of the region."""
+_LEADS_NOWHERE: Final = np.uint8(1)
+_LEADS_ON: Final = np.uint8(2)
+"""What is known of a cell: unseen; closed, or in a part that is too small or has no cell of the
+region (or, for as long as a part is followed, met there); in a large part of the region."""
 
 
 class DepartureConstraint:
@@ -192,10 +191,10 @@ def _follow_part(
     queue: npt.NDArray[np.int64],
 ) -> None:
     """Find out about the part of an unseen cell, up to where it is known to be large or ends."""
+    known[row, col] = _LEADS_NOWHERE
     if not disc_fits(field, row, col, disc_m[0], disc_m[1]):
-        known[row, col] = _LEADS_NOWHERE
         return
-    queue[0, 0], queue[0, 1], known[row, col] = row, col, _IN_QUEUE
+    queue[0, 0], queue[0, 1] = row, col
     done, count, leads_on, has_cell = 0, 1, False, False
     low_row, high_row, low_col, high_col = row, row, col, col
     while done < count and not leads_on:
@@ -213,11 +212,11 @@ def _follow_part(
             if known[r, c] == _UNSEEN:
                 known[r, c] = _LEADS_NOWHERE
                 if disc_fits(field, r, c, disc_m[0], disc_m[1]):
-                    queue[count, 0], queue[count, 1], known[r, c] = r, c, _IN_QUEUE
+                    queue[count, 0], queue[count, 1] = r, c
                     count += 1
         done += 1
-    for k in range(count):
-        known[queue[k, 0], queue[k, 1]] = _LEADS_ON if leads_on else _LEADS_NOWHERE
+    for k in range(count if leads_on else 0):
+        known[queue[k, 0], queue[k, 1]] = _LEADS_ON
 
 
 def _row_of(body: Body) -> _Floats:
