@@ -322,8 +322,8 @@ class InputSnapshot:
     publishers: int = 0
     published_s: float = 0.0
     """For so long there has been a publisher."""
-    asked: str = "best effort, volatile"
-    """What is asked of the QoS of its publishers."""
+    asked: str = ""
+    """What is asked of the QoS of its publishers, as "reliable, transient local"."""
 
     @property
     def rate_hz(self) -> float | None:

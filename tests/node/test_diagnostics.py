@@ -94,7 +94,7 @@ def test_paused() -> None:
 
 def test_an_input_that_somebody_publishes_and_that_does_not_come() -> None:
     """Transforms of another QoS, say. What is latched may just not have been said."""
-    silent = replace(NO_SCAN, publishers=1, published_s=5.0)
+    silent = replace(NO_SCAN, publishers=1, published_s=5.0, asked="best effort, volatile")
     asked = "(the node asks for best effort, volatile)"
     doubt = f"no message yet, though /scan has 1 publisher; is its QoS compatible {asked}?"
     assert of_input(silent) == (Level.OK, doubt)
@@ -110,9 +110,11 @@ def test_a_required_input_that_never_came() -> None:
     expected = (Level.ERROR, "no message for 8 s: nobody publishes /map")
     assert of_input(nothing, 8.0) == expected
     assert of_input(replace(nothing, publishers=1, published_s=4.9), 8.0)[0] is Level.OK
-    level, message = of_input(replace(nothing, publishers=1, published_s=5.0), 8.0)
+    asked = "reliable, transient local"
+    published = replace(nothing, publishers=1, published_s=5.0, asked=asked)
+    level, message = of_input(published, 8.0)
     assert level is Level.ERROR
-    asked = "(the node asks for best effort, volatile)"
+    asked = f"(the node asks for {asked})"
     doubt = f"though /map has 1 publisher; is its QoS compatible {asked}?"
     assert message == f"no message for 8 s, {doubt}"
 
