@@ -31,7 +31,7 @@ from are_ros.parameters.model import Parameters
 from are_ros.parameters.validation import with_contact_policy
 from are_ros.population.catalogue import Catalogue
 from are_ros.population.mixture import mixture_of
-from are_ros.world.transforms.sources import OF_MOST_ROBOTS
+from are_ros.world.transforms.sources import Remark
 
 NAME: Final = "ar_builder"
 _ON_CONTACT: Final = OnRobotContact.HOLD
@@ -316,7 +316,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
                 self._look_for_camera(self.live, self._inputs)
                 self._work()
                 for notice in self.live.take_notices():
-                    self._say(notice, is_warning=not notice.endswith(OF_MOST_ROBOTS))
+                    self._say(notice, is_warning=not isinstance(notice, Remark))
             now_ns = monotonic_ns()
             busy = self._busy.figures(now_ns)
             self._reporter.report(self.live, self._inputs, busy, now_ns, is_paused=self._is_paused)

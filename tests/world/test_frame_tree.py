@@ -392,6 +392,78 @@ def test_tf_gives_another_parent_than_odometry() -> None:
         ]
 
 
+def turned(angle_rad: float) -> tuple[float, float, float, float]:
+    """Return a turn about z and a little about x, as a quaternion."""
+    x, y, z, w = Rotation.from_euler("zx", (angle_rad, 0.2)).as_quat().tolist()
+    return x, y, z, w
+
+
+@pytest.mark.parametrize("source", [ODOMETRY, PREFERRED_ODOMETRY])
+@pytest.mark.parametrize("joints_from", [TF, PARAMETER])
+@pytest.mark.parametrize("first", ["joints", "odometry", "between"])
+def test_odometry_of_a_part_moves_the_robot(
+    source: TransformSource, joints_from: TransformSource, first: str
+) -> None:
+    """A tracking camera below the base by two static joints: the base moves, both stay joined."""
+    joints = [("base", "mount", (0.2, 0.1, 0.5), 0.7), ("mount", "camera", (0.0, 0.3, 0.1), -1.9)]
+    tree, known = FrameTree(), {"odometry": 0, "between": 1, "joints": 2}[first]
+    for parent, child, shift_m, angle_rad in joints[2 - known :]:
+        tree.set_static(parent, child, shift_m, turned(angle_rad), source=joints_from)
+    tree.set_transform("odom", "camera", S, (1.0, 2.0, 0.3), turned(0.4), source=source)
+    for parent, child, shift_m, angle_rad in joints[: 2 - known]:
+        tree.set_static(parent, child, shift_m, turned(angle_rad), source=joints_from)
+    for second in (2, 3):
+        at_m = (1.0 + second, 2.0, 0.3)
+        tree.set_transform("odom", "camera", second * S, at_m, turned(0.4), source=source)
+        expected = np.eye(4)
+        expected[:3, :3], expected[:3, 3] = Rotation.from_quat(turned(0.4)).as_matrix(), at_m
+        camera = tree.lookup("odom", "camera", second * S).matrix()
+        np.testing.assert_allclose(camera, expected, atol=1e-12)
+        for parent, child, shift_m, angle_rad in joints:
+            joint = tree.lookup(parent, child, second * S)
+            np.testing.assert_allclose(joint.translation_m, shift_m, atol=1e-12)
+            np.testing.assert_allclose(joint.rotation_xyzw, turned(angle_rad), atol=1e-12)
+    moving = [edge for edge in tree.edges() if not edge.is_static]
+    assert [(edge.parent, edge.child) for edge in moving] == [("odom", "base")]
+    names = {ODOMETRY: "odometry", PREFERRED_ODOMETRY: "preferred odometry"}
+    assert (
+        f"{names[source]} tells the pose of camera, which static transforms fix to base: it moves"
+        " base"
+    ) in tree.drain_notices()
+
+
+def test_tf_overrules_odometry_of_a_part() -> None:
+    """The base's own transform in tf holds, in either order; the part stays on the robot."""
+    for order in ((ODOMETRY, TF), (TF, ODOMETRY)):
+        tree = FrameTree()
+        fix(tree, "base", "camera", 0.5)
+        for source in order * 2:
+            frame = "camera" if source is ODOMETRY else "base"
+            put(tree, "odom", frame, 1, x=3.0 + source, source=source)
+        assert x_of(tree, "odom", "base", 1) == 3.0 + TF
+        assert x_of(tree, "odom", "camera", 1) == 3.5 + TF
+        said = tree.drain_notices()
+        assert said[-1] == "the transform odom -> base from odometry is overruled by tf"
+        assert len(said) == 1 + (order[0] is ODOMETRY)  # it moved the base until tf came
+
+
+@pytest.mark.parametrize("source", [ODOMETRY, TF])
+def test_joints_up_to_the_parent_hold(source: TransformSource) -> None:
+    """Static map -> odom -> base: odometry of the base is overruled; only odometry is carried."""
+    tree = FrameTree()
+    fix(tree, "map", "odom", 1.0)
+    fix(tree, "odom", "mount", 1.0)
+    fix(tree, "mount", "base", 1.0)
+    if source is ODOMETRY:
+        put(tree, "odom", "base", 1, x=9.0, source=ODOMETRY)
+        put(tree, "map", "base", 1, x=9.0, source=ODOMETRY)
+        assert x_of(tree, "map", "base", 1) == 3.0
+    else:
+        put(tree, "odom", "base", 1, x=9.0)
+        assert x_of(tree, "map", "base", 1) == 10.0
+    assert not [said for said in tree.drain_notices() if "fix" in said]
+
+
 @pytest.mark.parametrize("order", [(ODOMETRY, TF), (TF, ODOMETRY)])
 def test_tf_gives_odometrys_pair_the_other_way_round(order: tuple[TransformSource, ...]) -> None:
     """Odometry says odom->base, tf says map->base->odom: tf's tree stands whole."""

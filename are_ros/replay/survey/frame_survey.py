@@ -94,17 +94,30 @@ class FrameSurvey:
         return tuple(sorted({name for edge in self.edges for name in (edge.parent, edge.child)}))
 
     def connected_to(self, frame: str) -> frozenset[str]:
-        """Return the frames that a chain of edges joins to `frame`, itself among them."""
-        return connected_to(frame, ((edge.parent, edge.child) for edge in self.edges))
+        """Return the frames that a chain of edges in force joins to `frame`, itself among them."""
+        return connected_to(frame, ((parent, child) for parent, child, _ in self._in_force()))
 
     def root_of(self, frame: str) -> str:
         """Return the frame at the top of the tree that holds `frame`."""
-        return root_above(frame, {edge.child: edge.parent for edge in self.edges})
+        return root_above(frame, {child: parent for parent, child, _ in self._in_force()})
 
     def moving_beside(self, frame: str) -> str:
         """Return the frame that moves in another tree, where nothing above `frame` does; or ""."""
-        edges = ((edge.parent, edge.child, edge.rate_hz > 0.0) for edge in self.edges)
-        return moving_beside(frame, edges)
+        return moving_beside(frame, self._in_force())
+
+    def _in_force(self) -> list[tuple[str, str, bool]]:
+        """Return (parent, child, whether it moves) of the edges that a `FrameTree` keeps.
+
+        Those are of a frame's strongest source; but odometry of a part that static transforms fix
+        to the robot moves the robot.
+        """
+        kept, wholes = _strongest(self.edges), _moved_wholes(self.edges)
+        edges = [(edge.parent, edge.child, edge.rate_hz > 0.0) for edge in kept]
+        return edges + [
+            (edge.parent, wholes[edge.parent, edge.child], edge.rate_hz > 0.0)
+            for edge in self.edges
+            if (edge.parent, edge.child) in wholes
+        ]
 
     def tree_lines(self) -> tuple[str, ...]:
         """Return the tree as indented lines, roots first; each edge stands once."""
@@ -121,6 +134,31 @@ class FrameSurvey:
                 lines.append(frame)
                 _draw_below(frame, 1, children, drawn, lines)
         return tuple(lines)
+
+
+def _strongest(edges: Iterable[SurveyedEdge]) -> list[SurveyedEdge]:
+    """Return the edges from the strongest source of their child."""
+    sources: dict[str, TransformSource] = {}
+    for edge in edges:
+        sources[edge.child] = max(edge.source, sources.get(edge.child, edge.source))
+    return [edge for edge in edges if edge.source == sources[edge.child]]
+
+
+def _moved_wholes(edges: Sequence[SurveyedEdge]) -> dict[tuple[str, str], str]:
+    """Return what odometry moves of which the child is a fixed part, by (parent, child)."""
+    kept = _strongest(edges)
+    parents = {edge.child: edge.parent for edge in kept}
+    joints = {edge.child: edge.parent for edge in kept if edge.is_static}
+    wholes = {
+        (edge.parent, edge.child): root_above(edge.child, joints)
+        for edge in edges
+        if edge.source == TransformSource.ODOMETRY and edge.child in joints
+    }
+    return {
+        names: whole
+        for names, whole in wholes.items()
+        if whole not in parents and root_above(names[0], parents) != whole
+    }
 
 
 class FrameSurveyor:
@@ -278,12 +316,7 @@ def _oddities(
     for parent, child in sorted(pairs):
         if parent < child and (child, parent) in pairs:
             yield f"{parent} -> {child} is there in both directions"
-    sources: dict[str, dict[str, TransformSource]] = defaultdict(dict)
-    for edge in edges:
-        sources[edge.child][edge.parent] = edge.source
-    for child, of_child in sorted(sources.items()):
-        if len(of_child) > 1:
-            yield _said_of_parents(child, of_child)
+    yield from _odd_parents(edges)
     for edge in edges:
         if len(edge.topics) > 1:
             yield f"{edge} comes from several topics: {', '.join(edge.topics)}"
@@ -298,6 +331,23 @@ def _oddities(
         shown = ", ".join(sorted(slashed)[:5]) + (", ..." if len(slashed) > 5 else "")
         names = f"{counted(len(slashed), 'frame name')} begin{'s' if len(slashed) == 1 else ''}"
         yield f"{names} with a slash, which is dropped: {shown}"
+
+
+def _odd_parents(edges: Sequence[SurveyedEdge]) -> Iterable[str]:
+    """Yield a sentence for what odometry moves by a part of it, and for each second parent."""
+    sources: dict[str, dict[str, TransformSource]] = defaultdict(dict)
+    wholes = _moved_wholes(edges)
+    for edge in edges:
+        if (edge.parent, edge.child) not in wholes:
+            sources[edge.child][edge.parent] = edge.source
+    for (_, part), whole in wholes.items():
+        yield (
+            f"odometry tells the pose of {part}, which static transforms fix to {whole}: it moves "
+            f"{whole}"
+        )
+    for child, of_child in sorted(sources.items()):
+        if len(of_child) > 1:
+            yield _said_of_parents(child, of_child)
 
 
 def _said_of_parents(child: str, sources: Mapping[str, TransformSource]) -> str:

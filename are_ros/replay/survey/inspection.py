@@ -380,9 +380,10 @@ def _missing_pose(
 
 
 def _turned_round(survey: FrameSurvey) -> Iterable[str]:
-    """Say which given transform takes a frame from the parent that it has in the recording."""
-    for given in survey.edges:
-        others = [e.parent for e in survey.edges if e.child == given.child and e != given]
+    """Say which given transform takes a frame from the parent that tf gives it in the recording."""
+    in_tf = [edge for edge in survey.edges if edge.source != TransformSource.ODOMETRY]
+    for given in in_tf:
+        others = [edge.parent for edge in in_tf if edge.child == given.child and edge != given]
         if given.topics == (_GIVEN,) and others:
             yield (
                 f"{given.child} hangs below {others[0]} in the recording, so that it cannot hang"

@@ -1,12 +1,12 @@
 """What one source says of one edge, checked."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from are_ros.errors import InvalidTransformError
 from are_ros.world.rigid_transform import Values, normalised, why_invalid
-from are_ros.world.transforms.lookup import Pose, inverted
+from are_ros.world.transforms.lookup import Pose, composed, inverted
 from are_ros.world.transforms.table import Edge, EdgeTable, FrameNames, TransformSource
 
 
@@ -49,14 +49,19 @@ def _why_names_invalid(parent: str, child: str) -> str | None:
     return "parent and child are the same frame" if parent == child else None
 
 
-OF_MOST_ROBOTS: Final = "from odometry is overruled by tf"
-"""The end of a notice that is no warning: most robots send both."""
+_OF_ODOMETRY: Final = (TransformSource.ODOMETRY, TransformSource.PREFERRED_ODOMETRY)
 _NAMES = {
     TransformSource.ODOMETRY: "odometry",
     TransformSource.TF: "tf",
     TransformSource.PREFERRED_ODOMETRY: "preferred odometry",
     TransformSource.PARAMETER: "the parameters",
 }
+
+
+class Remark(str):
+    """A notice that is no warning: robots often are so."""
+
+    __slots__ = ()
 
 
 class Notices:
@@ -92,9 +97,12 @@ class Precedence:
         Weaker edges that are in its way are dropped. Only a frame's newest sample is tried for
         loops: the tree as it stands now has none.
         """
-        turned = self._along_the_pair(claim)
+        whole = self._of_the_whole(claim)
+        turned = self._along_the_pair(whole)
         if turned is None or self._is_overruled(turned):
             return None
+        if whole is not claim:
+            self._say_moved(claim, whole)
         edge = self._table.edges.get(turned.child)
         if edge is not None and edge.source == turned.source:
             self._say_changed(edge, turned)
@@ -103,6 +111,26 @@ class Precedence:
             if not (edge.is_static or turned.is_static) and turned.stamp_ns < edge.newest_ns:
                 return turned
         return turned if self._opens_loop(turned) else None
+
+    def _of_the_whole(self, claim: Claim) -> Claim:
+        """Turn odometry of a part that joints fix to the robot into odometry of the whole robot.
+
+        A tracking camera measures its own pose, and its mount is a static transform: a frame has
+        one parent, so the top of the joints gets the moving edge. Where that is above the parent of
+        odometry already, the joints say that nothing moves: the claim stays as it is.
+        """
+        top, pose, passed = claim.child, claim.pose, {claim.child}
+        if claim.source in _OF_ODOMETRY and not claim.is_static:
+            while (edge := self._table.edges.get(top)) is not None and edge.is_static:
+                top = edge.parent
+                if top in passed:
+                    return claim
+                passed.add(top)
+                pose = composed(pose, inverted(self._table.pose_of(edge.first)))
+        above = {claim.parent, *(edge.parent for edge in self._ancestry(claim.parent))}
+        if top == claim.child or passed & above:
+            return claim
+        return replace(claim, child=top, pose=pose)
 
     def _along_the_pair(self, claim: Claim) -> Claim | None:
         """Turn a claim round if the pair's edge points the other way; None if it is overruled."""
@@ -136,9 +164,14 @@ class Precedence:
         self._table.hold(flipped, turned.parent, turned.pose)
 
     def _is_overruled(self, claim: Claim) -> bool:
-        """Tell whether a stronger source gives the child's parent; say so, either way."""
+        """Tell whether a stronger source gives the child's parent; say so, either way.
+
+        Odometry makes way for a joint without a word: from now on it may move what is above that.
+        """
         edge = self._table.edges.get(claim.child)
         if edge is None or edge.source == claim.source:
+            return False
+        if claim.is_static and edge.source in _OF_ODOMETRY and edge.parent != claim.parent:
             return False
         if edge.source > claim.source:
             self._say_overruled(claim.parent, claim.child, claim.source, edge.source)
@@ -179,10 +212,17 @@ class Precedence:
     def _say_overruled(
         self, parent: int, child: int, weaker: TransformSource, stronger: TransformSource
     ) -> None:
-        self._notices.say(
+        said = (
             f"the transform {self._names[parent]} -> {self._names[child]} from {_NAMES[weaker]} "
             f"is overruled by {_NAMES[stronger]}"
         )
+        sends_both = (weaker, stronger) == (TransformSource.ODOMETRY, TransformSource.TF)
+        self._notices.say(Remark(said) if sends_both else said)
+
+    def _say_moved(self, of_part: Claim, whole: Claim) -> None:
+        part, moved = self._names[of_part.child], self._names[whole.child]
+        said = f"tells the pose of {part}, which static transforms fix to {moved}: it moves {moved}"
+        self._notices.say(Remark(f"{_NAMES[whole.source]} {said}"))
 
     def _say_changed(self, edge: Edge, claim: Claim) -> None:
         """Tell of a new parent, and of a stamped transform that turns static or back."""

@@ -5,6 +5,7 @@ from are_ros.replay.survey.frame_survey import FrameSurvey, FrameSurveyor
 from are_ros.world.transforms.tree import TransformSource
 
 S = 1_000_000_000
+ODOMETRY = TransformSource.ODOMETRY
 
 
 def edge(parent: str, child: str, stamp_ns: int = 0) -> StampedTransform:
@@ -93,8 +94,38 @@ def test_of_parents_of_several_sources_one_holds() -> None:
     assert surveyor.survey().oddities == (said,)
     given = TransformSource.PARAMETER
     surveyor.see([edge("c", "base")], "given", 0, is_static=True, source=given)
-    said = "base has several parents: a, b, c; what is given holds, not odometry nor tf"
-    assert surveyor.survey().oddities == (said,)
+    assert surveyor.survey().oddities == (
+        "odometry tells the pose of base, which static transforms fix to c: it moves c",
+        "base has several parents: b, c; what is given holds, not tf",
+    )
+
+
+def test_odometry_of_a_part_joins_the_robot() -> None:
+    """As in a frame tree: it moves what its part is fixed to, unless that has a parent in tf."""
+    surveyor = FrameSurveyor()
+    joints = [edge("base", "mount"), edge("mount", "camera")]
+    surveyor.see(joints, "/tf_static", 0, is_static=True)
+    surveyor.see([edge("odom", "camera")], "/odom", 0, is_static=False, source=ODOMETRY)
+    survey = surveyor.survey()
+    said = "odometry tells the pose of camera, which static transforms fix to base: it moves base"
+    assert survey.oddities == (said,)
+    assert survey.root_of("mount") == "odom"
+    assert survey.connected_to("odom") == {"odom", "base", "mount", "camera"}
+    surveyor.see([edge("map", "base")], "/tf", 0, is_static=False)
+    survey = surveyor.survey()
+    assert survey.oddities == ("camera has several parents: mount, odom; tf holds, not odometry",)
+    assert survey.root_of("camera") == "map"
+    assert survey.connected_to("odom") == {"odom"}
+
+
+def test_a_moving_joint_parts_odometry_from_the_robot() -> None:
+    """Odometry of what tf moves on the robot is overruled, so nothing joins the robot to it."""
+    surveyor = FrameSurveyor()
+    surveyor.see([edge("base", "camera")], "/tf", 0, is_static=False)
+    surveyor.see([edge("odom", "camera")], "/odom", 0, is_static=False, source=ODOMETRY)
+    survey = surveyor.survey()
+    assert survey.oddities == ("camera has several parents: base, odom; tf holds, not odometry",)
+    assert survey.connected_to("base") == {"base", "camera"}
 
 
 def test_transforms_that_a_replay_refuses_make_no_edge() -> None:
