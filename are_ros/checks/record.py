@@ -313,7 +313,7 @@ class Record:
         elif self.has_images:
             colours = ColourFrame.of_message(message, at_ns)
             if colours is not None:
-                self.paintings.add(topic, colours, self.scans.infos)
+                self.paintings.add(topic, colours, self.scans.info_of)
 
     def _take_boxes(self, topic: str, message: Any) -> None:
         """Take boxes of an image, or those of a tick."""
@@ -442,10 +442,14 @@ class Reading:
         self._has_meshes |= PREFIX + AUGMENTED_OCTOMAP in types
         infos = {topic for topic, type_name in types.items() if type_name == _INFO}
         inputs = {topic for topic in infos if not topic.startswith(PREFIX)}
-        of_others = inputs.difference(map(info_topic, of_depths))
+        given = self._parameters.sensors.info_by_image if self._parameters else {}
+        infos_of_depths = {info_topic(topic, given) for topic in of_depths}
+        infos_of_depths -= {info_topic(topic, given) for topic in images - of_depths}
+        of_others = inputs - infos_of_depths
         self.record = Record(self._parameters, is_live, walls, self.topics, has_clouds, depths)
         self.record.has_images = any(not name.endswith("/mask") for name in painted - of_depths)
-        self.record.infos_of_depths = frozenset(map(info_topic, of_depths) if of_others else ())
+        self.record.infos_of_depths = frozenset(infos_of_depths if of_others else ())
+        self.record.scans.given_infos = given
         return self
 
     def _holds_depths(self, topic: str) -> bool:

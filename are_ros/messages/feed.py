@@ -94,7 +94,7 @@ class Feed:
         self._last: dict[tuple[str, str], tuple[bytes, Any]] = {}
         self._images: dict[str, list[str]] = {}
         """The topics of the images that a CameraInfo belongs to, by its topic."""
-        for topic, lens_topic in lens_topics(roles).items():
+        for topic, lens_topic in lens_topics(roles, builder.parameters.sensors).items():
             self._images.setdefault(lens_topic, []).append(topic)
             builder.await_lens(topic, lens_topic, is_depth=roles[topic] == "depth")
         handlers: Mapping[str, Handler] = {

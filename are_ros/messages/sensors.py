@@ -19,6 +19,7 @@ from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.builder.sensors.point_cloud import CloudField, PointCloud
 from are_ros.builder.sensors.range_reading import RangeReading
 from are_ros.builder.sensors.sensor_path import MakeReading, Reading, ReleasedReading
+from are_ros.errors import ParameterError
 from are_ros.messages.cdr import CdrWriter
 from are_ros.messages.common import read_array, read_time
 from are_ros.messages.images.colour import (
@@ -296,10 +297,25 @@ def sensor_topics(roles: Mapping[str, str]) -> dict[str, SensorKind]:
     return {topic: SENSORS[role] for topic, role in roles.items() if role in SENSORS}
 
 
-def lens_topics(roles: Mapping[str, str]) -> dict[str, str]:
-    """Return the topic of the CameraInfo of each topic of images, of the roles by topic."""
-    kinds = sensor_topics(roles)
-    return {topic: camera_info_topic(topic) for topic, kind in kinds.items() if kind.is_image}
+_DEFAULTS: Final = SensorsParameters()
+
+
+def lens_topics(roles: Mapping[str, str], sensors: SensorsParameters = _DEFAULTS) -> dict[str, str]:
+    """Return the topic of the CameraInfo of each topic of images, of the roles by topic.
+
+    It is beside the images unless the parameters name another; ParameterError where they do so for
+    what is no topic of images.
+    """
+    images = [topic for topic, kind in sensor_topics(roles).items() if kind.is_image]
+    given = sensors.info_by_image
+    for topic in given:
+        if topic not in images:
+            known = ", ".join(sorted(images)) or "there are none"
+            raise ParameterError(
+                f"parameter 'sensors.camera_infos': {topic} is no topic of images that are"
+                f" augmented: {known}"
+            )
+    return {topic: given.get(topic) or camera_info_topic(topic) for topic in images}
 
 
 def sensor_outputs(roles: Mapping[str, str]) -> dict[str, str]:
@@ -314,9 +330,6 @@ def sensor_outputs(roles: Mapping[str, str]) -> dict[str, str]:
     }
 
 
-_WITHOUT_TRUTH: Final = SensorsParameters()
-
-
 class SensorOutputs:
     """The outputs of the sensors among the roles, and their messages.
 
@@ -325,12 +338,11 @@ class SensorOutputs:
     parameters ask for it.
     """
 
-    def __init__(
-        self, roles: Mapping[str, str], sensors: SensorsParameters = _WITHOUT_TRUTH
-    ) -> None:
+    def __init__(self, roles: Mapping[str, str], sensors: SensorsParameters = _DEFAULTS) -> None:
         self.names = sensor_outputs(roles)
         self._kinds = sensor_topics(roles)
-        self._infos = {topic: camera_info_topic(self.names[topic]) for topic in lens_topics(roles)}
+        lenses = lens_topics(roles, sensors)
+        self._infos = {topic: camera_info_topic(self.names[topic]) for topic in lenses}
         self.types = {name: self._kinds[topic].type_of(topic) for topic, name in self.names.items()}
         self.types |= dict.fromkeys(self._infos.values(), CAMERA_INFO_TYPE)
         asked = [_MASK] if sensors.masks else []
@@ -343,7 +355,7 @@ class SensorOutputs:
         for truths in self._truths.values():
             self.types |= {name: truth.type_name for name, truth in truths}
         self._relays: dict[str, list[str]] = {t: [name] for t, name in self.names.items()}
-        for topic, info in lens_topics(roles).items():
+        for topic, info in lenses.items():
             self._relays.setdefault(info, []).append(self._infos[topic])
 
     def messages(self, released: ReleasedReading) -> list[tuple[str, bytes]]:

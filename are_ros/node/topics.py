@@ -113,7 +113,7 @@ class Subscriptions:
         try:
             for role, topic in asked:
                 self._open(role, topic, say)
-            for topic in lens_topics(self.roles).values():
+            for topic in lens_topics(self.roles, sensors).values():
                 if self._resolved(topic) not in self.roles:
                     self._open(CAMERA_INFO, topic, say)
         except BaseException:

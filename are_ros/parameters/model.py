@@ -5,6 +5,7 @@ The YAML file, the ROS descriptors and the table in the docs derive from these c
 
 import math
 from dataclasses import dataclass, field
+from typing import Final
 
 from are_ros.parameters.choices import (
     Appear,
@@ -536,6 +537,10 @@ class CollisionsParameters:
     )
 
 
+INFO_MARK: Final = ":="
+"""Stands between the topics of images and of their CameraInfo, as in a remapping of ROS."""
+
+
 @dataclass(frozen=True)
 class SensorsParameters:
     """The augmented sensor data."""
@@ -572,6 +577,11 @@ class SensorsParameters:
         "Topics of the camera images to paint artefacts into, raw or .../compressed; their "
         "CameraInfo comes on camera_info beside them.",
     )
+    camera_infos: tuple[str, ...] = parameter(
+        (),
+        "The CameraInfo of images that have none beside them, as /image:=/camera_info. A replay "
+        "finds one of the same frame and size by itself.",
+    )
     masks: bool = parameter(
         False,
         "Beside each painted image goes its mask (32SC1): the id of the artefact at each pixel, 0 "
@@ -591,6 +601,11 @@ class SensorsParameters:
         bounds=(0.0, 1000.0),
         live=True,
     )
+
+    @property
+    def info_by_image(self) -> dict[str, str]:
+        """The topics of `camera_infos`: of the CameraInfo, by that of the images."""
+        return dict(text.split(INFO_MARK, 1) for text in self.camera_infos)
 
 
 @dataclass(frozen=True)

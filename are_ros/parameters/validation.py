@@ -7,6 +7,7 @@ from typing import Final
 from are_ros.errors import ParameterError
 from are_ros.parameters.choices import Appear, OnRobotContact, Region, Shape
 from are_ros.parameters.model import (
+    INFO_MARK,
     CameraParameters,
     CertaintyParameters,
     FramesParameters,
@@ -125,6 +126,13 @@ def _check_topics(sensors: SensorsParameters) -> None:
         if isinstance(topics, tuple) and "" in topics:
             message = f"parameter 'sensors.{name}': {list(topics)} has an empty topic"
             raise ParameterError(f"{message}; none at all is an empty list, []")
+    for text in sensors.camera_infos:
+        parts = text.split(INFO_MARK)
+        if len(parts) != 2 or not all(part.startswith("/") for part in parts):
+            raise ParameterError(
+                f"parameter 'sensors.camera_infos': {text!r} is not two topics with their full"
+                " names, as /image:=/camera_info"
+            )
 
 
 def _checked_frames(frames: FramesParameters) -> FramesParameters:

@@ -35,7 +35,7 @@ from are_ros.messages.tick_encoding import SKIPPED, skipped_parts
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.choices import CameraModel, OnRobotContact
 from are_ros.parameters.declaration import with_values
-from are_ros.parameters.model import Parameters
+from are_ros.parameters.model import INFO_MARK, Parameters
 from are_ros.parameters.validation import with_contact_policy
 from are_ros.population.catalogue import Catalogue
 from are_ros.replay.listeners import SHARE, InputCopy, RecordKeeper, StandingWatch, TickWriter
@@ -174,13 +174,16 @@ def _adapted(options: ReplayOptions, timeline: Timeline) -> ReplayOptions:
     """Set the parameters that a recording tells.
 
     `sensors.tf_wait` is the time that its scans need, unless the user has set it. `frames.base` is
-    the frame that takes the place of the usual one, if any.
+    the frame that takes the place of the usual one, if any. `sensors.camera_infos` also has the
+    CameraInfo that fits images with none beside.
     """
     values: dict[str, Any] = {}
     if not options.is_wait_given and timeline.needed_wait_s > options.parameters.sensors.tf_wait:
         values["sensors.tf_wait"] = timeline.needed_wait_s
     if timeline.base_frame:
         values["frames.base"] = timeline.base_frame
+    if found := [f"{one.images}{INFO_MARK}{one.chosen}" for one in timeline.infos if one.chosen]:
+        values["sensors.camera_infos"] = [*options.parameters.sensors.camera_infos, *found]
     return replace(options, parameters=with_values(options.parameters, values))
 
 

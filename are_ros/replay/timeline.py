@@ -1,9 +1,10 @@
 """The options of a replay, and the topics and times of the recording that it reads."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from are_ros.bag.clock import BASE_FRAMES, BagClock, RecordedTimes, base_frame_of
 from are_ros.bag.reader import BagReader
@@ -12,10 +13,11 @@ from are_ros.bag.stretches import Stretches, Window, needed_wait_s, scan_waits, 
 from are_ros.builder.assembly import parse_static_transform
 from are_ros.builder.tick import Demand
 from are_ros.conventions import NS_PER_S
-from are_ros.errors import BagError
+from are_ros.errors import BagError, InputError
 from are_ros.messages.feed import OTHER_CAMERA
+from are_ros.messages.images.image import is_rectified, read_camera_info, size_of
 from are_ros.messages.sensors import CAMERA_INFO, CAMERA_INFO_TYPE, SENSORS, SensorKind, lens_topics
-from are_ros.parameters.model import Parameters, SensorsParameters
+from are_ros.parameters.model import INFO_MARK, Parameters, SensorsParameters
 from are_ros.wording import duration_text
 
 _HELD: Final = ("map", OCTOMAP, CAMERA, "tf", "tf_static")
@@ -58,6 +60,59 @@ class ReplayOptions:
     is_wait_given: bool = False
 
 
+@dataclass(frozen=True)
+class SubstituteInfo:
+    """Images without a CameraInfo on `beside`, and the topics of those that fit them.
+
+    These have the frame and the size of the first image. Of several with the same lens one counts.
+    """
+
+    images: str
+    beside: str
+    fitting: tuple[str, ...]
+
+    @property
+    def chosen(self) -> str:
+        """The topic that is taken, "" without one or with several."""
+        return self.fitting[0] if len(self.fitting) == 1 else ""
+
+    def sentence(self) -> str:
+        """Return what is taken, or what the user can do."""
+        said = f"{self.images} has no CameraInfo beside it, on {self.beside}: "
+        if self.chosen:
+            return f"{said}{self.chosen} is taken, which has its frame and size"
+        name = self.fitting[0] if self.fitting else "/NAME"
+        option = f'--set "sensors.camera_infos:=[{self.images}{INFO_MARK}{name}]"'
+        if self.fitting:
+            return f"{said}it may be {' or '.join(self.fitting)}; {option} takes the first"
+        return f"{said}it is not augmented; {option} takes one from elsewhere"
+
+
+def substitute_infos(reader: BagReader, lenses: Mapping[str, str]) -> list[SubstituteInfo]:
+    """Return what there is for the images that have no CameraInfo on the topics `lenses`."""
+    infos = [t.name for t in reader.topics if t.type_name == CAMERA_INFO_TYPE and t.count > 0]
+    found = []
+    for images, beside in lenses.items():
+        if beside in infos:
+            continue
+        first, fitting = reader.first_object(images), dict[Any, str]()
+        for name in infos if first is not None else ():
+            info = reader.first_object(name)
+            if info is None or _frame_of(info) != _frame_of(first):
+                continue
+            with suppress(InputError):
+                lens = replace(read_camera_info(info, name), source="")
+                view = lens.view(rectified=is_rectified(images))
+                if (view.width, view.height) == size_of(first):
+                    fitting.setdefault(lens, name)
+        found.append(SubstituteInfo(images, beside, tuple(fitting.values())))
+    return found
+
+
+def _frame_of(message: Any) -> str:
+    return str(message.header.frame_id).lstrip("/")
+
+
 @dataclass(frozen=True, eq=False)
 class Timeline:
     """The topics and times that a replay reads, known before the replay begins.
@@ -65,7 +120,7 @@ class Timeline:
     Nothing moves between the spans of `stretches`. `needed_wait_s` is the `sensors.tf_wait` that is
     long enough for all scans. `base_frame` is the robot's base where it has none of the usual
     names, nor one that the parameters give; else it is empty. `image_frames` are the frames of
-    images, the optical ones of their cameras.
+    images, the optical ones of their cameras; `infos` the CameraInfo of images with none beside.
     """
 
     role_of_topic: Mapping[str, str]
@@ -75,6 +130,7 @@ class Timeline:
     needed_wait_s: float
     base_frame: str = ""
     image_frames: frozenset[str] = frozenset()
+    infos: tuple[SubstituteInfo, ...] = ()
 
     @classmethod
     def of(cls, reader: BagReader, options: ReplayOptions, roles: RolesFound) -> "Timeline":
@@ -83,6 +139,9 @@ class Timeline:
         Raises BagError where the window holds nothing that moves, or a scan topic is absent.
         """
         role_of_topic = topics_to_read(reader, options, roles)
+        infos = substitute_infos(reader, lens_topics(role_of_topic, options.parameters.sensors))
+        for info in filter(None, (one.chosen for one in infos)):
+            role_of_topic.setdefault(info, CAMERA_INFO)
         reader.expect(types_of(role_of_topic))
         window = Window.of(reader, role_of_topic, options.start_s, options.duration_s)
         span = window.start_ns, window.stop_ns
@@ -111,6 +170,7 @@ class Timeline:
             needed_wait_s=needed_wait_s(waits, settings.poses.history),
             base_frame="" if settings.frames.base else _unusual_base(times, given),
             image_frames=frozenset(frames - {""}),
+            infos=tuple(infos),
         )
 
     def sentences(self) -> list[str]:
@@ -122,6 +182,7 @@ class Timeline:
                 f"no frame is called {' or '.join(BASE_FRAMES)}: {self.base_frame} is taken for the"
                 " robot's base; --set frames.base:=NAME takes another"
             )
+        said += [one.sentence() for one in self.infos]
         return [*said, *filter(None, (self.clock.sentence, self.clock.disagreement))]
 
 
@@ -143,9 +204,15 @@ def topics_to_read(reader: BagReader, options: ReplayOptions, roles: RolesFound)
             chosen |= dict.fromkeys(_named_sensors(reader, kind, sensors), kind.role)
     chosen |= dict.fromkeys(_other_cameras(reader, options), OTHER_CAMERA)
     infos = {topic.name for topic in reader.topics if topic.type_name == CAMERA_INFO_TYPE}
-    for topic in lens_topics(chosen).values():
+    for topic in lens_topics(chosen, sensors).values():
         if topic in infos:
             chosen.setdefault(topic, CAMERA_INFO)
+    for topic in sensors.info_by_image.values():
+        if topic not in infos:
+            known = ", ".join(sorted(infos)) or "none"
+            raise BagError(
+                f"sensors.camera_infos: the recording has no CameraInfo '{topic}'; it has: {known}"
+            )
     return chosen
 
 

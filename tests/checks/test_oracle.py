@@ -252,6 +252,34 @@ def test_given_transforms_hold_against_recorded_ones(is_turned: bool) -> None:
         np.testing.assert_allclose(ours.translation_m, theirs[:3, 3], atol=1e-9)
 
 
+@pytest.mark.parametrize("source", [TransformSource.ODOMETRY, TransformSource.PREFERRED_ODOMETRY])
+@pytest.mark.parametrize("seed", range(8))
+def test_odometry_of_a_part_moves_the_robot_as_in_the_tree(
+    seed: int, source: TransformSource
+) -> None:
+    """A camera below the base by two static transforms, which come in any order, some later."""
+    generator, tree, frames = np.random.default_rng(seed), FrameTree(), Frames()
+    moving = [("odom", "camera", k * 100 * MS) for k in range(5)]
+    static = [("base", "mount", -1), ("mount", "camera", -1), ("map", "odom", -1)]
+    edges = [*moving[:2], *static]
+    for at in (*generator.permutation(len(edges)), *range(5, 8)):
+        parent, child, stamp_ns = [*edges, *moving[2:]][at]
+        place, turn = generator.normal(size=3).tolist(), generator.normal(size=4)
+        turn = (turn / np.linalg.norm(turn)).tolist()
+        is_static, of = stamp_ns < 0, TransformSource.TF if stamp_ns < 0 else source
+        frames.add(parent, child, stamp_ns, 0, (*place, *turn), of, is_static=is_static)
+        if is_static:
+            tree.set_static(parent, child, place, turn)
+        else:
+            tree.set_transform(parent, child, stamp_ns, place, turn, source=of)
+    for target, part in (("map", "base"), ("base", "camera"), ("camera", "odom")):
+        ours = frames.lookup(target, part, 350 * MS, KNOWN)
+        assert ours is not None
+        theirs = tree.lookup(target, part, 350 * MS).matrix()
+        np.testing.assert_allclose(ours.rotation, theirs[:3, :3], atol=1e-9)
+        np.testing.assert_allclose(ours.translation_m, theirs[:3, 3], atol=1e-9)
+
+
 def test_markers_are_decoded_as_they_were_encoded() -> None:
     """Actions, keys and lifetimes come back from the bytes, whatever the lengths of the texts."""
     markers = [*DELETE_ALL.looks]

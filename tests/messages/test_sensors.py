@@ -2,7 +2,7 @@
 
 from array import array
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ import pytest
 
 from are_ros.bag.types import jazzy_typestore
 from are_ros.builder.sensors.laser_scan import LaserScan
-from are_ros.errors import InputError
+from are_ros.errors import InputError, ParameterError
 from are_ros.messages.sensors import (
     SENSORS,
     SensorKind,
@@ -20,7 +20,8 @@ from are_ros.messages.sensors import (
     read_scan,
     sensor_outputs,
 )
-from are_ros.parameters.model import SensorsParameters
+from are_ros.parameters.model import Parameters, SensorsParameters
+from are_ros.parameters.validation import validated
 from bags.simulation.making import RosbagsFactory, make_scan
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -112,3 +113,29 @@ def test_images_go_out_with_their_camera_info() -> None:
     assert both.relays_of(other) == [other[1:]]
     assert both.relays_of("/front/depth/camera_info") == ["front/depth/camera_info"]
     assert both.relays_of("/camera_info") == []
+
+
+def test_the_parameters_give_images_a_camera_info_from_elsewhere() -> None:
+    """The others have theirs beside them, and outputs go out beside the augmented image."""
+    roles = {"/front/depth": "depth", "/rear/image": "image", "/scan": "scan"}
+    sensors = SensorsParameters(camera_infos=("/rear/image:=/lens",))
+    expected = {"/front/depth": "/front/camera_info", "/rear/image": "/lens"}
+    assert lens_topics(roles, sensors) == expected
+    outputs = SensorOutputs(roles, sensors)
+    assert outputs.relays_of("/lens") == ["camera/camera_info"]
+    assert outputs.relays_of("/front/camera_info") == ["depth/camera_info"]
+    for unknown in ("/scan", "/rear"):
+        sensors = SensorsParameters(camera_infos=(f"{unknown}:=/lens",))
+        with pytest.raises(
+            ParameterError,
+            match=f"camera_infos': {unknown} is no topic of images that are augmented: /front/dep",
+        ):
+            lens_topics(roles, sensors)
+
+
+@pytest.mark.parametrize("text", ["/image", "/image:=", "image:=/info", "/a:=/b:=/c", ":=/info"])
+def test_a_camera_info_is_given_by_two_full_names(text: str) -> None:
+    """Else the sentence shows how."""
+    sensors = SensorsParameters(camera_infos=("/image:=/info", text))
+    with pytest.raises(ParameterError, match=f"'{text}' is not two topics with their full names"):
+        validated(replace(Parameters(), sensors=sensors))

@@ -258,11 +258,18 @@ def test_several_scans_keep_their_names(make_bench: MakeBench) -> None:
     assert [outputs[name][0].header.stamp.sec for name in names] == [999, 1000]
 
 
-def test_depth_images_are_augmented_raw_and_compressed(make_bench: MakeBench) -> None:
-    """Both have the post before the robot, in the same pixels, and the CameraInfo beside them."""
+@pytest.mark.parametrize("lens", [INFO, "lens"])
+def test_depth_images_are_augmented_raw_and_compressed(make_bench: MakeBench, lens: str) -> None:
+    """Both have the post before the robot, in the same pixels, and the CameraInfo beside them.
+
+    That comes from elsewhere if the parameters say so.
+    """
     raw = "camera/depth/image_rect"
     names = [raw, f"{raw}/compressedDepth"]
-    bench = make_bench({"sensors.depths": names, "sensors.shape": "box"}, "configure", "activate")
+    values: dict[str, Any] = {"sensors.depths": names, "sensors.shape": "box"}
+    if lens != INFO:
+        values["sensors.camera_infos"] = [f"/{name}:=/{lens}" for name in names]
+    bench = make_bench(values, "configure", "activate")
     bench.send("map", room())
     bench.clock(1000.0)
     bench.send("tf", robot_at(1000.0))
@@ -294,7 +301,7 @@ def test_depth_images_are_augmented_raw_and_compressed(make_bench: MakeBench) ->
     bench.send("tf", robot_at(1000.3))
     for name, message in zip(names, (image, packed), strict=True):
         bench.send("depth", message, topic=f"/{name}")
-    bench.send("camera_info", info, topic=f"/{INFO}")
+    bench.send("camera_info", info, topic=f"/{lens}")
     bench.tick(1000.3)
     bench.until(lambda: all(heard))
     depths_mm = np.array(heard[0][0].data).view("<u2").reshape(48, 64)

@@ -1,5 +1,6 @@
 """A replay of a recording with images of depths, raw and compressed, judged by `are check`."""
 
+import copy
 import re
 import shutil
 import struct
@@ -181,3 +182,103 @@ def test_each_image_goes_out_with_its_camera_info(replay: Path) -> None:
         assert after.keys() <= before.keys()
         changed = sum(before[stamp] != data for stamp, data in after.items())
         assert 3 < changed < len(after)
+
+
+ODD = "/odd/lens"
+
+
+def lone_depths(
+    sample_records: Records, factory: RosbagsFactory, infos: dict[str, tuple[str, int]]
+) -> Records:
+    """Return two seconds of the sample with an image of depths on PACKED instead of its own.
+
+    `infos` are the frame and the width of a CameraInfo by its topic; an empty frame is the image's.
+    """
+    records, begin_ns = list[tuple[str, int, Any]](), sample_records[0][1]
+    for topic, log_ns, message in sample_records:
+        if log_ns > begin_ns + 2_000_000_000 or topic.startswith(
+            ("/camera/depth", "/camera/image")
+        ):
+            continue
+        records.append((topic, log_ns, message))
+        if topic == "/camera/camera_info":
+            depths_mm = np.full((HEIGHT, WIDTH), 3000, np.uint16)
+            records.append((PACKED, log_ns, packed_depth(message.header, factory, depths_mm)))
+            for name, (frame, width) in infos.items():
+                info = copy.deepcopy(camera_info(message.header, factory))
+                info.header.frame_id, info.width = frame or message.header.frame_id, width
+                records.append((name, log_ns, info))
+    return records
+
+
+def test_a_camera_info_of_the_same_frame_and_size_is_found(
+    sample_records: Records,
+    factory: RosbagsFactory,
+    write_bag: WriteBag,
+    run_are: RunAre,
+    tmp_path: Path,
+) -> None:
+    """As where it is beside the images; others have another frame, or another size."""
+    decoys = {"/a/lens": ("base_link", WIDTH), "/z/lens": ("", WIDTH - 1)}
+    sent = {}
+    for name, topic in (("beside", "/tof/depth/camera_info"), ("odd", ODD)):
+        records = lone_depths(sample_records, factory, {**decoys, topic: ("", WIDTH)})
+        bag = write_bag(tmp_path / f"{name}.mcap", records)
+        camera = ("--topic", "camera/camera_info:=/camera/camera_info", "--with-inputs")
+        words = (*MANY, *camera, "--set", "population.arrival_rate:=0.2", "--out", tmp_path / name)
+        done = run_are("replay", bag, *words)
+        assert done.returncode == 0, done.stderr
+        said = f"{PACKED} has no CameraInfo beside it, on /tof/depth/camera_info: {ODD} is taken"
+        assert (said in done.stdout + done.stderr) == (name == "odd")
+        assert (said in run_are("inspect", bag).stdout) == (name == "odd")
+        with BagReader([tmp_path / name / "augmented.mcap"]) as reader:
+            outputs = [
+                f"/ar_builder/depth/{part}" for part in ("image/compressedDepth", "camera_info")
+            ]
+            sent[name] = [(m.topic, m.log_time_ns, m.data) for m in reader.messages(outputs)]
+            inputs = {m.data[40:] for m in reader.messages((PACKED,))}
+        images = [data for topic, _, data in sent[name] if topic.endswith("compressedDepth")]
+        assert len({data[40:] for data in images} - inputs) > 3  # artefacts are in the picture
+        checked = run_are("check", tmp_path / name)
+        assert checked.returncode == 0, checked.stdout
+        assert "depth images computed anew: passed" in checked.stdout
+    assert sent["odd"] == sent["beside"]
+
+
+def test_of_several_camera_infos_the_user_chooses(
+    sample_records: Records,
+    factory: RosbagsFactory,
+    write_bag: WriteBag,
+    run_are: RunAre,
+    tmp_path: Path,
+) -> None:
+    """Two lenses fit the image: it stays as it is, unless one is chosen; what is wrong is named."""
+    records = [*lone_depths(sample_records, factory, {"/a/lens": ("", WIDTH), ODD: ("", WIDTH)})]
+    for number, (topic, log_ns, message) in enumerate(records):
+        if topic == ODD:
+            other = copy.deepcopy(message)
+            other.k[0] = 51.0
+            records[number] = (topic, log_ns, other)
+    bag = write_bag(tmp_path / "bag.mcap", records)
+    words = (*MANY, "--topic", "camera/camera_info:=/camera/camera_info", "--out", tmp_path / "out")
+    option = f'--set "sensors.camera_infos:=[{PACKED}:=/a/lens]" takes the first'
+    assert f"it may be /a/lens or {ODD}; {option}" in run_are("inspect", bag).stdout
+    bare = run_are("replay", bag, *words)
+    assert bare.returncode == 3
+    assert option in bare.stderr
+    assert "no CameraInfo that can be used has come on /tof/depth/camera_info" in bare.stderr
+    chosen = f"sensors.camera_infos:=[{PACKED}:={ODD}]"
+    done = run_are("replay", bag, *words, "--set", chosen)
+    assert done.returncode == 0
+    assert re.search(rf"depth {PACKED} +\d+ augmented at their stamp", done.stderr)
+    for wrong, sentence in (
+        (
+            f"[{PACKED}:=/none]",
+            "the recording has no CameraInfo '/none'; it has: /a/lens, /camera/",
+        ),
+        (f"[/tof:={ODD}]", f"/tof is no topic of images that are augmented: {PACKED}"),
+        (f"[{ODD}]", f"'{ODD}' is not two topics with their full names"),
+    ):
+        done = run_are("replay", bag, *words, "--set", f"sensors.camera_infos:={wrong}")
+        assert done.returncode == 2, done.stderr
+        assert sentence in done.stderr

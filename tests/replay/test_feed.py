@@ -19,7 +19,7 @@ from are_ros.errors import InputError, InvalidTransformError
 from are_ros.messages.feed import Feed, Refusals
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.declaration import with_values
-from are_ros.parameters.model import Parameters
+from are_ros.parameters.model import Parameters, SensorsParameters
 from are_ros.world.transforms.tree import FrameTree
 from bags.simulation.making import RosbagsFactory, make_transforms
 
@@ -43,9 +43,9 @@ UNIT = (0.0, 0.0, 0.0, 1.0)
 class Notebook:
     """Stands in for the builder: notes what it receives, with the checks of the frame tree."""
 
-    def __init__(self) -> None:
+    def __init__(self, sensors: SensorsParameters) -> None:
         self.calls: list[Call] = []
-        self.parameters = SimpleNamespace(camera=SimpleNamespace(rectified=False))
+        self.parameters = SimpleNamespace(camera=SimpleNamespace(rectified=False), sensors=sensors)
         self._frames = FrameTree()
 
     def __getattr__(self, name: str) -> Callable[..., None]:
@@ -58,9 +58,11 @@ class Notebook:
         return note
 
 
-def fed(path: Path, roles: dict[str, str]) -> tuple[list[Call], Refusals]:
+def fed(
+    path: Path, roles: dict[str, str], camera_infos: tuple[str, ...] = ()
+) -> tuple[list[Call], Refusals]:
     """Feed a whole recording, each message as received 5 ns after it was recorded."""
-    builder: Any = Notebook()
+    builder: Any = Notebook(SensorsParameters(camera_infos=camera_infos))
     with BagReader([path]) as reader:
         feed = Feed(reader, builder, roles)
         for message in reader.messages(tuple(roles)):
@@ -282,6 +284,11 @@ def test_images_get_their_lens_from_the_camera_info_beside_them(
     cameras = [name for name, _ in calls if name == "receive_camera"]
     assert len(cameras) == (2 if role == "camera/camera_info" else 0)
     assert refusals.counts == {"/d/image": 3, "/d/camera_info": 2}
+    elsewhere = {"/d/image": "depth", "/e/image": "depth", "/d/camera_info": role}
+    calls, _ = fed(path, elsewhere, ("/e/image:=/d/camera_info",))
+    assert [values[0] for name, values in calls if name == "receive_lens"] == [
+        "/d/image", "/e/image", "/d/image", "/e/image"
+    ]  # fmt: skip
     assert refusals.sentences == {
         "/d/image": "/d/image: encoding 'rgb8' holds no depth; known are 16UC1, mono16, 32FC1,"
         " and images of colours have the role image",

@@ -13,6 +13,8 @@ Floats = NDArray[np.float64]
 ODOMETRY, TF, PREFERRED_ODOMETRY, PARAMETER = 0, 1, 2, 3
 """If an edge has several sources, the highest number wins."""
 
+_OF_ODOMETRY: Final = (ODOMETRY, PREFERRED_ODOMETRY)
+
 EVER: Final = 2**63 - 1
 """As a time of knowledge: everything in the recording."""
 
@@ -109,6 +111,12 @@ class Frames:
             return
         if source != PARAMETER:
             self._turn_given(parent, child)
+        if source in _OF_ODOMETRY:
+            child, numbers = self._moved_by(parent, child, numbers)
+        elif is_static:
+            for weaker in _OF_ODOMETRY:
+                if (old := self._edges.get(child, {}).get(weaker)) and old.parent != parent:
+                    del self._edges[child][weaker]
         edges = self._edges.setdefault(child, {})
         edge = edges.get(source)
         if edge is None or edge.parent != parent or edge.is_static != is_static:
@@ -132,6 +140,21 @@ class Frames:
             cr * cp * cy + sr * sp * sy,
         )
         self.add(parent, child, 0, 0, (x, y, z, *turn), PARAMETER, is_static=True)
+
+    def _moved_by(
+        self, parent: str, part: str, numbers: tuple[float, ...]
+    ) -> tuple[str, tuple[float, ...]]:
+        """Return what odometry of a part moves, and its pose: what static transforms fix it to."""
+        pose, whole, above = _pose(numbers), part, self._ancestors(parent)
+        while (edges := self._edges.get(whole)) and edges[max(edges)].is_static:
+            joint = edges[max(edges)]
+            whole, pose = joint.parent, pose.after(_pose(joint.numbers[-1]).inverse())
+            if whole in above or whole == part:
+                return part, numbers
+        if whole == part:
+            return part, numbers
+        turn = Rotation.from_matrix(pose.rotation).as_quat()
+        return whole, (*pose.translation_m.tolist(), *turn.tolist())
 
     def _turn_given(self, parent: str, child: str) -> None:
         """Let a given edge of two frames point as the recorded one does, whose number holds."""

@@ -5,14 +5,14 @@ Shares no code with what it judges: numpy, and OpenCV and Pillow for compressed 
 
 import io
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from are_ros.checks.sensors.depth_images import info_topic, name_parts
+from are_ros.checks.sensors.depth_images import name_parts
 from are_ros.checks.sensors.scan_pairs import Kept, Pairs, Released
 from are_ros.messages.common import read_time
 
@@ -213,10 +213,10 @@ class ImagePairs(Pairs):
         self.truths: dict[tuple[str, int], Any] = {}
         self.boxes: dict[tuple[str, int], Any] = {}
 
-    def add(self, topic: str, frame: ColourFrame, infos: Mapping[str, Any]) -> None:
-        """Take an image of any topic; `infos` are the last CameraInfos by topic."""
+    def add(self, topic: str, frame: ColourFrame, info_of: Callable[[str], Any]) -> None:
+        """Take an image of any topic; `info_of` returns the last CameraInfo of a topic's images."""
         for pair in self.matched(topic, frame, _MOST_WAITING):
-            self._compare(*pair, infos)
+            self._compare(*pair, info_of)
 
     def add_told(self, topic: str, message: Any) -> None:
         """Take what was told of an image beside it: a mask, ImageTruth or Detection2DArray."""
@@ -235,7 +235,7 @@ class ImagePairs(Pairs):
         real: ColourFrame,
         topic: str,
         output: ColourFrame,
-        infos: Mapping[str, Any],
+        info_of: Callable[[str], Any],
     ) -> None:
         change = change_of(real, output)
         if change.fault:
@@ -246,6 +246,6 @@ class ImagePairs(Pairs):
             self.unpainted.add((topic, output.stamp_ns))
             return
         is_rectified = "rect" in name_parts(source)[1]
-        info = infos.get(info_topic(source))
+        info = info_of(source)
         when = output.stamp_ns, output.at_ns, output.frame_id
         self.changed.add(Painted(topic, *when, change, output.spread_px, info, is_rectified))

@@ -7,8 +7,9 @@ in it that could be quick.
 
 import itertools
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -42,9 +43,9 @@ def name_parts(topic: str) -> tuple[str, str]:
     return "/".join(parts[:-1]), parts[-1]
 
 
-def info_topic(topic: str) -> str:
-    """Return the topic of the CameraInfo beside an image."""
-    return f"{name_parts(topic)[0]}/camera_info"
+def info_topic(topic: str, given: Mapping[str, str] = MappingProxyType({})) -> str:
+    """Return the topic of an image's CameraInfo: the given one of the image, else that beside."""
+    return given.get(topic) or f"{name_parts(topic)[0]}/camera_info"
 
 
 def rays_of(info: Any, *, rectified: bool) -> Floats:

@@ -2,6 +2,7 @@
 
 from bisect import bisect_left
 from collections import Counter, deque
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar
 
@@ -153,6 +154,12 @@ class ScanPairs(Pairs):
         """The last CameraInfo by topic; those beside images belong to the ones that come after."""
         self._rays: deque[tuple[Any, bool, NDArray[np.float64]]] = deque(maxlen=_MOST_LENSES)
         self._input_stamps: dict[str, list[int]] = {}
+        self.given_infos: Mapping[str, str] = {}
+        """The topics of the CameraInfo that is not beside the images, by theirs."""
+
+    def info_of(self, topic: str) -> Any:
+        """Return the last CameraInfo of the images of a topic, None without one."""
+        return self.infos.get(info_topic(topic, self.given_infos))
 
     def rays(self, info: Any, *, rectified: bool) -> NDArray[np.float64]:
         """Return the rays (H, W, 3) of images of a CameraInfo; ValueError for an unknown lens."""
@@ -201,12 +208,12 @@ class ScanPairs(Pairs):
     ) -> Changes:
         self.pixels += real.numbers.size
         fault, which, unreturned = changed_pixels(real, output)
-        info, is_rectified = self.infos.get(info_topic(source)), "rect" in name_parts(source)[1]
+        info, is_rectified = self.info_of(source), "rect" in name_parts(source)[1]
         if info is not None and not self._fits(info, real, rectified=is_rectified):
             info = None
         if info is not None:
             self.kept_depths.add(DepthPair(topic, real, output, info, is_rectified))
-            if not _are_alike(info, self.infos.get(info_topic(topic))):
+            if not _are_alike(info, self.info_of(topic)):
                 fault = fault or "has a CameraInfo beside it that is not its input's"
         elif len(which):
             fault = "was changed, and no CameraInfo of use had come beside its input"

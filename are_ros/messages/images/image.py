@@ -2,6 +2,7 @@
 
 from typing import Any, Final
 
+import cv2
 import numpy as np
 
 from are_ros.builder.sensors.image import CompressedImage, Image
@@ -12,6 +13,10 @@ from are_ros.world.cameras import CameraInfo
 
 TRANSPORTS: Final = ("compressed", "compressedDepth", "theora", "zstd", "ffmpeg")
 """Transports of image_transport: a topic's last part is one of these if it is not raw."""
+
+
+_DEPTH_HEADER_BYTES: Final = 12
+"""So many bytes of compressed_depth_image_transport come before the PNG."""
 
 
 def transport_of(topic: str) -> str:
@@ -34,6 +39,16 @@ def camera_info_topic(topic: str) -> str:
 def is_rectified(topic: str) -> bool:
     """Return whether an image is rectified, by the convention of image_proc: image_rect."""
     return "rect" in raw_topic(topic).rpartition("/")[2]
+
+
+def size_of(message: Any) -> tuple[int, int] | None:
+    """Return the width and height of an Image or a CompressedImage, None where that is damaged."""
+    if hasattr(message, "width"):
+        return int(message.width), int(message.height)
+    data = read_array(message.data, np.uint8)
+    start = _DEPTH_HEADER_BYTES if "compressedDepth" in str(message.format) else 0
+    pixels = cv2.imdecode(data[start:], cv2.IMREAD_UNCHANGED) if data.size > start else None
+    return None if pixels is None else (pixels.shape[1], pixels.shape[0])
 
 
 def read_image(message: Any, source: str = "image") -> Image:

@@ -42,7 +42,7 @@ from are_ros.builder.sensors.colour_image import ColourImage
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError
-from are_ros.messages.images.image import read_camera_info
+from are_ros.messages.images.image import read_camera_info, size_of
 from are_ros.messages.maps import read_grid
 from are_ros.messages.sensors import SENSORS, lens_topics, noun_of, sensor_topics
 from are_ros.messages.transforms import StampedTransform
@@ -57,7 +57,7 @@ from are_ros.replay.survey.frame_survey import (
     upward_cameras,
 )
 from are_ros.replay.survey.recorded_pose import option_of_poses
-from are_ros.replay.timeline import LATE_INPUT_NS, WITHOUT_CAMERA_INFO
+from are_ros.replay.timeline import LATE_INPUT_NS, WITHOUT_CAMERA_INFO, substitute_infos
 from are_ros.wording import aligned, counted, listed, section, several
 from are_ros.world.transforms.table import TransformSource
 
@@ -148,6 +148,7 @@ def inspect_bag(
     upwards = upward_cameras(recorded.tree, base_frame, cameras) if base_frame else []
     survey = replace(survey, oddities=(*survey.oddities, *upwards))
     readings = _first_readings(reader, role_of_topic)
+    infos = substitute_infos(reader, lens_topics(role_of_topic))
     waits = list(_waits(times, clock, role_of_topic, map_frame, given_edges, placed))
     missing = [
         *([] if map_topic or has_map_file else [_NO_MAP]),
@@ -162,6 +163,7 @@ def inspect_bag(
         *_missing_mounts(survey, role_of_topic, frame_ids, base_frame),
         *_missing_cloud_frame(survey, roles.topic(OCTOMAP), frame_ids, map_frame),
         *_missing_camera(reader, roles),
+        *(one.sentence() for one in infos if not one.chosen),
         *_missing_lenses(reader, role_of_topic),
         *_missing_readings(readings, role_of_topic),
         *_missing_stamps(times),
@@ -185,7 +187,7 @@ def inspect_bag(
             *filter(None, (clock.sentence, clock.disagreement, trouble)),
             *(sentence for sentence, is_known in waits if is_known),
         ),
-        tuple(_misfits(readings)),
+        (*(one.sentence() for one in infos if one.chosen), *_misfits(readings)),
     )
 
 
@@ -464,20 +466,16 @@ def _missing_camera(reader: BagReader, roles: RolesFound) -> Iterable[str]:
 
 
 def _missing_lenses(reader: BagReader, sensors: Mapping[str, str]) -> Iterable[str]:
-    """Say which images lack the CameraInfo beside them, or have one of another size."""
-    filled = {topic.name for topic in reader.topics if topic.count > 0}
+    """Say which images have a CameraInfo of another size."""
     for topic, lens_topic in lens_topics(sensors).items():
-        if lens_topic not in filled:
-            yield f"{topic} has no CameraInfo beside it, on {lens_topic}: it is not augmented"
-            continue
         image, info = reader.first_object(topic), reader.first_object(lens_topic)
-        if info is None or not hasattr(image, "width"):  # a compressed one
+        if image is None or info is None or (size := size_of(image)) is None:
             continue
         with suppress(AreError):  # the replay tells what is wrong with it
             view = read_camera_info(info, lens_topic).view(rectified=False)
-            if (image.width, image.height) != (view.width, view.height):
+            if size != (view.width, view.height):
                 yield (
-                    f"the first image of {topic} has {image.width}x{image.height} pixels, its"
+                    f"the first image of {topic} has {size[0]}x{size[1]} pixels, its"
                     f" CameraInfo on {lens_topic} is of {view.width}x{view.height}: it is not"
                     " augmented"
                 )

@@ -133,7 +133,7 @@ def record_of(before: ColourPixels, after: ColourImage) -> Record:
     for topic, image in ((IN, ColourImage(before)), (OUT, after)):
         frame = ColourFrame.of_message(read(encode_colour(image), kind), STAMP_NS + MS)
         assert frame is not None
-        record.paintings.add(topic, frame, record.scans.infos)
+        record.paintings.add(topic, frame, record.scans.info_of)
     told = record.paintings.add_told
     told(f"{OUT}/mask", read(encode_mask(after), "sensor_msgs/msg/Image"))
     told(f"{OUT}/truth", read(encode_truth(after), "are_msgs/msg/ImageTruth"))
@@ -282,7 +282,7 @@ def test_a_painted_image_without_its_input_is_found() -> None:
     record = record_of(raw(), painted(raw()))
     late = replace(next(iter(record.paintings.changed.kept)), stamp_ns=1)
     frame = ColourFrame(late.stamp_ns, 5, "camera", grey(), b"", ())
-    record.paintings.add(OUT, frame, {})
+    record.paintings.add(OUT, frame, record.scans.info_of)
     assert "has no image of this stamp" in failure(check_images(record))
     record.paintings.input_topics.clear()
     assert check_images(record).outcome is Outcome.SKIPPED

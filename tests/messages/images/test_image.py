@@ -2,8 +2,10 @@
 
 from array import array
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given
@@ -16,6 +18,7 @@ from are_ros.messages.images.image import (
     is_rectified,
     read_compressed_image,
     read_image,
+    size_of,
 )
 from bags.simulation.making import RosbagsFactory
 
@@ -162,6 +165,20 @@ def test_compressed_images_go_out_as_they_came(
     sent.data = np.zeros(0, np.uint8)
     with pytest.raises(InputError, match=r"^/image: data is empty"):
         read_compressed_image(sent, "/image")
+
+
+@pytest.mark.parametrize("format_", ["rgb8; jpeg compressed bgr8", "16UC1; compressedDepth png"])
+def test_the_size_of_an_image(format_: str) -> None:
+    """Raw or compressed; a damaged one has none."""
+    assert size_of(FACTORY.make("sensor_msgs/msg/Image", height=2, width=3)) == (3, 2)
+    pixels = np.zeros((20, 31), np.uint16 if "Depth" in format_ else np.uint8)
+    ending, head = (".png", 12) if "Depth" in format_ else (".jpg", 0)
+    data = np.concatenate((np.zeros(head, np.uint8), cv2.imencode(ending, pixels)[1].reshape(-1)))
+    header = FACTORY.make("std_msgs/msg/Header", frame_id="camera")
+    make = partial(FACTORY.make, "sensor_msgs/msg/CompressedImage", header=header, format=format_)
+    assert size_of(make(data=data)) == (31, 20)
+    for count in (0, head, head + 20):
+        assert size_of(make(data=data[:count])) is None
 
 
 @pytest.mark.parametrize(
