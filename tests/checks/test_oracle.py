@@ -280,6 +280,33 @@ def test_odometry_of_a_part_moves_the_robot_as_in_the_tree(
         np.testing.assert_allclose(ours.translation_m, theirs[:3, 3], atol=1e-9)
 
 
+@pytest.mark.parametrize("first", ["odometry", "tf"])
+def test_a_given_joint_is_turned_round_as_in_the_tree(first: str) -> None:
+    """Odometry tells the pose of a camera that moves below the base; the inverse is given.
+
+    A replay records what was given, too.
+    """
+    turn = (0.0, 0.0, math.sin(0.2), math.cos(0.2))
+    tree, frames = FrameTree(), Frames()
+    frames.add_given("-1.0 0.5 0.0 -0.4 0.0 0.0 camera base")
+    given = RigidTransform.from_xyz_ypr(-1.0, 0.5, 0.0, -0.4, 0.0, 0.0)
+    numbers = given.translation_m.tolist(), given.rotation_xyzw.tolist()
+    tree.set_static("camera", "base", *numbers, source=TransformSource.PARAMETER)
+    frames.add("camera", "base", 0, 0, (*numbers[0], *numbers[1]), TF, is_static=True)
+    for stamp_ns in range(0, 5 * MS, MS):
+        recorded = [("odom", "camera", TransformSource.ODOMETRY), ("base", "camera", TF)]
+        for parent, child, source in recorded if first == "odometry" else recorded[::-1]:
+            place = (0.1 * stamp_ns / MS, 2.0, 0.0)
+            frames.add(parent, child, stamp_ns, 0, (*place, *turn), source, is_static=False)
+            tree.set_transform(parent, child, stamp_ns, place, turn, source=TransformSource(source))
+    for target, part in (("odom", "base"), ("odom", "camera")):
+        ours = frames.lookup(target, part, 5 * MS // 2, KNOWN)
+        assert ours is not None
+        theirs = tree.lookup(target, part, 5 * MS // 2).matrix()
+        np.testing.assert_allclose(ours.rotation, theirs[:3, :3], atol=1e-9)
+        np.testing.assert_allclose(ours.translation_m, theirs[:3, 3], atol=1e-9)
+
+
 def test_markers_are_decoded_as_they_were_encoded() -> None:
     """Actions, keys and lifetimes come back from the bytes, whatever the lengths of the texts."""
     markers = [*DELETE_ALL.looks]

@@ -109,8 +109,8 @@ class Frames:
         is_turn = abs(sum(n * n for n in numbers[3:]) - 1.0) <= 0.01
         if not (parent and child and is_turn and np.isfinite(numbers).all()):
             return
-        if source != PARAMETER:
-            self._turn_given(parent, child)
+        if source != PARAMETER and self._is_given_turned(parent, child):
+            return
         if source in _OF_ODOMETRY:
             child, numbers = self._moved_by(parent, child, numbers)
         elif is_static:
@@ -156,18 +156,26 @@ class Frames:
         turn = Rotation.from_matrix(pose.rotation).as_quat()
         return whole, (*pose.translation_m.tolist(), *turn.tolist())
 
-    def _turn_given(self, parent: str, child: str) -> None:
-        """Let a given edge of two frames point as the recorded one does, whose number holds."""
+    def _is_given_turned(self, parent: str, child: str) -> bool:
+        """Tell whether an edge is given the other way round, so that the recorded one is left out.
+
+        Where the recorded child has no other parent, the given edge turns, and its numbers hold. A
+        replay also records what was given.
+        """
         given = self._edges.get(parent, {}).get(PARAMETER)
         if given is None or given.parent != child:
-            return
-        del self._edges[parent][PARAMETER]
-        if not self._edges[parent]:
+            return False
+        if child in self._edges:
+            return True
+        others = {of: edge for of, edge in self._edges[parent].items() if edge.parent != child}
+        self._edges[parent] = others
+        if not others:
             del self._edges[parent]
         x, y, z, i, j, k, w = given.numbers[-1]
         place = -(_pose((0.0, 0.0, 0.0, -i, -j, -k, w)).rotation @ (x, y, z))
         numbers = (*place.tolist(), -i, -j, -k, w)
         self.add(parent, child, 0, 0, numbers, PARAMETER, is_static=True)
+        return False
 
     def has(self, frame: str) -> bool:
         """Tell whether a transform names this frame."""

@@ -136,8 +136,14 @@ class FrameSurvey:
         return tuple(lines)
 
 
-def _strongest(edges: Iterable[SurveyedEdge]) -> list[SurveyedEdge]:
-    """Return the edges from the strongest source of their child."""
+def _strongest(edges: Sequence[SurveyedEdge]) -> list[SurveyedEdge]:
+    """Return the edges from the strongest source of their child.
+
+    What is given also holds against tf that has the two frames the other way round.
+    """
+    of_given = TransformSource.PARAMETER
+    turned = {(edge.child, edge.parent) for edge in edges if edge.source == of_given}
+    edges = [edge for edge in edges if (edge.parent, edge.child) not in turned]
     sources: dict[str, TransformSource] = {}
     for edge in edges:
         sources[edge.child] = max(edge.source, sources.get(edge.child, edge.source))
@@ -268,9 +274,34 @@ def moving_beside(frame: str, edges: Iterable[tuple[str, str, bool]]) -> str:
     return ends.pop() if len(ends) == 1 and not above & moving else ""
 
 
-def static_tf_option(parent: str, child: str) -> str:
-    """Return the option that joins two frames, with words in place of the numbers."""
-    return f'--static-tf "X Y Z YAW PITCH ROLL {parent} {child}"'
+def static_tf_option(parent: str, child: str, pose: npt.NDArray[np.float64] | None = None) -> str:
+    """Return the option that joins two frames by parent_from_child (4, 4), or words without it."""
+    numbers = "X Y Z YAW PITCH ROLL"
+    if pose is not None and np.isfinite(pose).all():
+        x_m, y_m, z_m = pose[:3, 3]
+        yaw, roll = np.arctan2(pose[1, 0], pose[0, 0]), np.arctan2(pose[2, 1], pose[2, 2])
+        pitch = np.arctan2(-pose[2, 0], np.hypot(pose[0, 0], pose[1, 0]))
+        # zeros are added so that there is no -0
+        numbers = " ".join(f"{v.round(4) + 0.0:g}" for v in (x_m, y_m, z_m, yaw, pitch, roll))
+    return f'--static-tf "{numbers} {parent} {child}"'
+
+
+def turned_joint(survey: FrameSurvey, base_frame: str, frames: FrameTree) -> str:
+    """Return what to do where tf moves a part of the robot of which odometry tells the pose.
+
+    Empty if there is no such part; the joint is that at the end of `frames`.
+    """
+    on_robot = survey.connected_to(base_frame)
+    for edge in survey.edges:
+        if edge.source == TransformSource.ODOMETRY and edge.child in on_robot:
+            whole = survey.root_of(edge.child)
+            if edge.parent not in on_robot and whole != edge.child:
+                option = static_tf_option(edge.child, whole, _pose_in(frames, edge.child, whole))
+                return (
+                    f"odometry tells the pose of {edge.child}, which tf hangs below {whole}, so it"
+                    f" moves nothing: if that joint is rigid, turn it round with {option}"
+                )
+    return ""
 
 
 def upward_cameras(frames: FrameTree, base_frame: str, camera_frames: Iterable[str]) -> list[str]:
@@ -283,14 +314,10 @@ def upward_cameras(frames: FrameTree, base_frame: str, camera_frames: Iterable[s
     for frame in sorted(set(camera_frames) & parents.keys()):
         if _pose_in(frames, base_frame, frame)[2, 2] > _UPWARDS:
             pose = _pose_in(frames, parents[frame], frame) @ _LINK_FROM_OPTICAL.matrix()
-            x_m, y_m, z_m = pose[:3, 3]
-            yaw, roll = np.arctan2(pose[1, 0], pose[0, 0]), np.arctan2(pose[2, 1], pose[2, 2])
-            pitch = np.arctan2(-pose[2, 0], np.hypot(pose[0, 0], pose[1, 0]))
-            # zeros are added so that there is no -0
-            numbers = " ".join(f"{v.round(4) + 0.0:g}" for v in (x_m, y_m, z_m, yaw, pitch, roll))
+            option = static_tf_option(parents[frame], frame, pose)
             doubts.append(
                 f"the camera in {frame} looks up to the ceiling, as the z axis of its frame does;"
-                f' if the x axis is the look, give --static-tf "{numbers} {parents[frame]} {frame}"'
+                f" if the x axis is the look, give {option}"
             )
     return doubts
 

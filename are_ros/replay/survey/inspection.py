@@ -54,12 +54,14 @@ from are_ros.replay.survey.frame_survey import (
     FrameSurveyor,
     hertz,
     static_tf_option,
+    turned_joint,
     upward_cameras,
 )
 from are_ros.replay.survey.recorded_pose import option_of_poses
 from are_ros.replay.timeline import LATE_INPUT_NS, WITHOUT_CAMERA_INFO, substitute_infos
 from are_ros.wording import aligned, counted, listed, section, several
 from are_ros.world.transforms.table import TransformSource
+from are_ros.world.transforms.tree import FrameTree
 
 _SENSOR_ROLES = (*(role for role in SENSORS if role not in BY_NAME), CAMERA)
 _GIVEN = "given"
@@ -156,7 +158,7 @@ def inspect_bag(
         *_other_map_frame(map_topic, map_frame, world_frame),
         *survey.refused,
         *_unchosen(roles, sensors),
-        *_missing_pose(survey, map_frame, base_frame, reader, roles),
+        *_missing_pose(survey, map_frame, base_frame, reader, roles, recorded.tree),
         *_turned_round(survey),
         *_rings(survey),
         *_missing_frames(role_of_topic, frame_ids),
@@ -344,7 +346,12 @@ def _other_map_frame(map_topic: str | None, map_frame: str, world_frame: str) ->
 
 
 def _missing_pose(
-    survey: FrameSurvey, map_frame: str, base_frame: str, reader: BagReader, roles: RolesFound
+    survey: FrameSurvey,
+    map_frame: str,
+    base_frame: str,
+    reader: BagReader,
+    roles: RolesFound,
+    frames: FrameTree,
 ) -> Iterable[str]:
     """Say what keeps the robot's pose on the map from being known."""
     known = ", ".join(survey.frames()) or "none"
@@ -362,13 +369,15 @@ def _missing_pose(
             f"there is no frame of the base, neither {names}: give it with --set frames.base:=NAME"
             f" ({choice})"
         )
+    elif joint := "" if is_joined else turned_joint(survey, base_frame, frames):
+        yield joint
     elif moving := "" if is_joined else survey.moving_beside(base_frame):
         option = static_tf_option(moving, survey.root_of(base_frame))
         yield (
             f"nothing joins {base_frame} to {moving}, which moves as the robot does: give the"
             f" transform with {option} (six zeros, if it is the same place)"
         )
-        yield from _missing_pose(survey, map_frame, moving, reader, roles)
+        yield from _missing_pose(survey, map_frame, moving, reader, roles, frames)
     elif not is_joined:
         beside = ", ".join(sorted(survey.connected_to(base_frame) - {base_frame}))
         others = f", which hangs together with {beside}" if beside else ""

@@ -552,6 +552,34 @@ def test_a_fixed_transform_that_came_once_on_tf_is_told(
     )
 
 
+@pytest.mark.parametrize("topic", ["/tf_static", "/tf"])
+def test_odometry_of_a_part_needs_a_joint_that_stands(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag, topic: str
+) -> None:
+    """A tracking camera on the base: a static joint is turned round by itself, one of tf is not."""
+    joint_m, turn = (0.1, 0.2, 0.3), (0.0, 0.0, math.sin(0.25), math.cos(0.25))
+    camera = StampedTransform("base_link", "tracking", 0, joint_m, turn)
+    records = [("/tf_static", 0, make_transforms(factory, [transform("map", "odom", 0)]))]
+    for k in range(20):
+        at_ns = k * S // 10
+        records.append(("/odom", at_ns, odometry(factory, at_ns, "tracking")))
+        records.append((topic, at_ns, make_transforms(factory, [camera._replace(stamp_ns=at_ns)])))
+    path = write_bag(tmp_path / "bag.mcap", records)
+    survey = inspected(path, has_map_file=True)
+    if topic == "/tf_static":
+        assert survey.missing == ()
+        return
+    (said,) = survey.missing
+    advised = RigidTransform.from_xyz_ypr(*joint_m, 0.5, 0.0, 0.0).inverse()
+    x_m, y_m, z_m = advised.translation_m.round(4).tolist()
+    given = f"{x_m:g} {y_m:g} {z_m:g} -0.5 0 0 tracking base_link"
+    assert said == (
+        "odometry tells the pose of tracking, which tf hangs below base_link, so it moves nothing:"
+        f' if that joint is rigid, turn it round with --static-tf "{given}"'
+    )
+    assert inspected(path, has_map_file=True, static_transforms=[given]).missing == ()
+
+
 def poses_on_the_map(
     factory: RosbagsFactory,
     topic: str,
