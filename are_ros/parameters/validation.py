@@ -128,10 +128,10 @@ def _check_topics(sensors: SensorsParameters) -> None:
             raise ParameterError(f"{message}; none at all is an empty list, []")
     for text in sensors.camera_infos:
         parts = text.split(INFO_MARK)
-        if len(parts) != 2 or not all(part.startswith("/") for part in parts):
+        if len(parts) != 2 or not all(parts):
             raise ParameterError(
-                f"parameter 'sensors.camera_infos': {text!r} is not two topics with their full"
-                " names, as /image:=/camera_info"
+                f"parameter 'sensors.camera_infos': {text!r} is not two topics, as in"
+                " /image:=/camera_info"
             )
 
 

@@ -133,9 +133,9 @@ def test_the_parameters_give_images_a_camera_info_from_elsewhere() -> None:
             lens_topics(roles, sensors)
 
 
-@pytest.mark.parametrize("text", ["/image", "/image:=", "image:=/info", "/a:=/b:=/c", ":=/info"])
-def test_a_camera_info_is_given_by_two_full_names(text: str) -> None:
+@pytest.mark.parametrize("text", ["/image", "/image:=", "/a:=/b:=/c", ":=/info"])
+def test_a_camera_info_is_given_by_two_names(text: str) -> None:
     """Else the sentence shows how."""
     sensors = SensorsParameters(camera_infos=("/image:=/info", text))
-    with pytest.raises(ParameterError, match=f"'{text}' is not two topics with their full names"):
+    with pytest.raises(ParameterError, match=f"'{text}' is not two topics, as in /image"):
         validated(replace(Parameters(), sensors=sensors))

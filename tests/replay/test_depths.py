@@ -277,7 +277,7 @@ def test_of_several_camera_infos_the_user_chooses(
             "the recording has no CameraInfo '/none'; it has: /a/lens, /camera/",
         ),
         (f"[/tof:={ODD}]", f"/tof is no topic of images that are augmented: {PACKED}"),
-        (f"[{ODD}]", f"'{ODD}' is not two topics with their full names"),
+        (f"[{ODD}]", f"'{ODD}' is not two topics, as in /image"),
     ):
         done = run_are("replay", bag, *words, "--set", f"sensors.camera_infos:={wrong}")
         assert done.returncode == 1, done.stderr
