@@ -367,8 +367,11 @@ def _near(states: Sequence[ArtefactState], robot: RovingRobot, radius_m: float) 
     near = set()
     for state in states:
         reach_m = radius_m + 0.5 * math.hypot(*state.size_m[:2]) + 0.2
-        pose = state.ground_pose
-        if math.hypot(pose.x_m - robot.x_m, pose.y_m - robot.y_m) <= reach_m:
+        pose, (ahead_m, left_m, _) = state.ground_pose, state.box_centre_m
+        cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+        x_m = pose.x_m + cos * ahead_m - sin * left_m
+        y_m = pose.y_m + sin * ahead_m + cos * left_m
+        if math.hypot(x_m - robot.x_m, y_m - robot.y_m) <= reach_m:
             near.add(state.artefact_id)
     return near
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 
 from are_ros.builder.files.catalogue_file import read_catalogue
 from are_ros.errors import InputError, MapError, ParameterError
@@ -160,6 +161,22 @@ def test_a_footprint_of_the_users_robot_is_no_overlap() -> None:
     plain, other = (soaked(room(6.0), 4.0, with_values(crowd, given)) for given in ({}, narrow))
     assert other.is_clean, other.table()
     assert other.table() == plain.table()
+
+
+def test_a_reported_contact_far_from_the_centre_of_mass_is_no_overlap(tmp_path: Path) -> None:
+    """The frame of a mesh is in its centre of mass, here near one end of its box."""
+    heavy, arm = trimesh.creation.box((0.6, 0.6, 1.0)), trimesh.creation.box((2.0, 0.1, 0.3))
+    arm.apply_translation((1.2, 0.0, 0.0))
+    trimesh.util.concatenate([heavy, arm]).export(tmp_path / "crane.stl")
+    (tmp_path / "cranes.yaml").write_text(
+        "classes: {crane: {}}\nrows: [{label: crane, class: crane, mesh: {file: crane.stl}}]\n"
+    )
+    cranes = read_catalogue(tmp_path / "cranes.yaml")
+    one_row = {"mixture.weights": (1.0,), "mixture.rates": (0.1,)}
+    settings = with_values(parameters(0.005), one_row)
+    result = soak(room(), settings, cranes, artefact_minutes=20.0)
+    assert result.contacts > 5
+    assert result.is_clean, result.table()
 
 
 def test_steps_shorter_than_a_tick_are_refused() -> None:
