@@ -142,7 +142,8 @@ class ArBuilder(Simulation):
         Raises ParameterError, and changes nothing, where the mixture is bad.
         """
         before = self.parameters
-        self.advance(now_ns)
+        if self.has_begun:
+            self.advance(now_ns)
         self.lives.reconfigure(parameters, assembly.collision_resolver(parameters), now_ns)
         self.parameters = parameters
         if self._detector is not None:

@@ -213,12 +213,17 @@ class Simulation:
 
     # ------------------------------------------------------------------------------ time
 
+    @property
+    def has_begun(self) -> bool:
+        """Whether there was an instant yet: before it nothing is due, and no time is known."""
+        return self._now_ns != _BEFORE_ALL_NS
+
     def advance(self, now_ns: int) -> None:
         """Process what is due up to `now_ns`: arrivals, departures, sub-steps, readings."""
         if now_ns < self._idle_until_ns:
             self._check_clock(now_ns)
             return
-        if now_ns > self._now_ns + _LEAP_NS and self._now_ns != _BEFORE_ALL_NS:
+        if self.has_begun and now_ns > self._now_ns + _LEAP_NS:
             self._leap(now_ns)
         self._now_ns = max(self._now_ns, now_ns)
         while (deadline_ns := self.sensors.next_deadline_ns()) is not None:
@@ -232,7 +237,8 @@ class Simulation:
 
     def finish(self, now_ns: int) -> None:
         """Release the readings that still wait: the inputs have ended."""
-        self.advance(now_ns)
+        if self.has_begun:
+            self.advance(now_ns)
         self.sensors.flush(now_ns)
 
     def next_deadline_ns(self) -> int | None:

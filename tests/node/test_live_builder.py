@@ -645,3 +645,22 @@ def test_parameters_hold_from_their_instant_on(rig: Rig) -> None:
     rig.work(10.2)
     seen = [[one.id for one in message.artefacts] for message in rig.outlet.take("perceived")]
     assert seen == [[artefact_id], []]
+
+
+@pytest.mark.parametrize("request_name", ["reconfigure", "pause"])
+def test_a_request_before_the_first_clock_begins_no_time(
+    make_rig: MakeRig, request_name: str
+) -> None:
+    """Parameters are set, or the node deactivated, at time 0; with /clock nothing leaps."""
+    rig = make_rig()
+    rig.live.resume(0)
+    if request_name == "pause":
+        rig.live.pause(0)
+        rig.live.resume(0)
+    else:
+        fewer = with_values(rig.live.builder.parameters, {"population.arrival_rate": 0.001})
+        rig.live.reconfigure(fewer, 0)
+    rig.store("map", room(), 1_700_000_000.0)
+    rig.work(1_700_000_000.1)
+    assert rig.live.take_notices() == []
+    assert rig.live.builder.lives.population.living == {}
