@@ -3,9 +3,10 @@
 A cloud says where its rays have ended, and not where the others went. In an organised cloud each
 point has its row and column: the directions of the returns tell those of all. In an unorganised one
 rays that did not come back are missing, and leave gaps in its rows; a row is what one beam of a
-turning laser measures, else a stripe of directions as wide as neighbouring points are apart. Rays
-fill these gaps as densely as the row is otherwise. Where nothing comes back over more than ten
-degrees on all rows, the sensor is supposed not to look.
+turning laser measures, else a stripe of directions as wide as neighbouring points are apart. Rows
+that are numbered count if they are circles about one axis. Rays fill these gaps as densely as the
+row is otherwise. Where nothing comes back over more than ten degrees on all rows, the sensor is
+supposed not to look.
 """
 
 import math
@@ -121,7 +122,9 @@ def _rays_of_laser(
 
 
 def _laser_angles(rays: _Floats) -> _Floats:
-    return np.stack((np.arctan2(rays[:, 1], rays[:, 0]), np.arcsin(rays[:, 2])), axis=1)
+    return np.stack(
+        (np.arctan2(rays[:, 1], rays[:, 0]), np.arcsin(np.clip(rays[:, 2], -1.0, 1.0))), axis=1
+    )
 
 
 def _laser_directions(azimuths: _Floats, elevations: _Floats) -> _Floats:
@@ -173,6 +176,10 @@ WIDEST_GAP_RAD: Final = math.radians(10.0)
 """A sensor does not look at where nothing comes back on any row over more than this."""
 _RING_GAP_RAD, _RING_WIDTH_RAD = np.radians(0.1), np.radians(0.08)
 _FEWEST_ON_RING: Final = 8
+_ROW_WIDTH, _TURNED_ROW_WIDTH = np.sin(np.radians((2.0, 0.1)))
+"""In the median the points of a numbered row are at most so far off its circle about the pole: a
+little, where the motion of the sensor was taken out. About a pole that is looked for they have to
+be on it: about the direction of the cloud's middle any narrow cloud is nearly a circle."""
 _ALONG_Z: Final = 0.8
 """If the mean direction has so much of z, the sensor looks along z, as cameras do."""
 
@@ -181,13 +188,16 @@ def rays_between(directions: _Floats, rows: npt.NDArray[Any] | None) -> tuple[_I
     """Return the rays (K, 3) in the gaps of an unorganised cloud, and a neighbour (K,) of each.
 
     `directions` (N, 3) are the unit vectors of the returns, `rows` (N,) the numbers of the beams
-    that measured them, if these are known.
+    that measured them, if these are known; they count if they are circles about one axis.
     """
     if len(directions) < _FEWEST:
         return _NO_RAYS
-    axes = _axes_about_pole(directions)
-    azimuths, elevations = _laser_angles(directions[:, axes]).T
-    rings = _rings(elevations) if rows is None else np.unique(rows, return_inverse=True)[1]
+    to_pole = np.eye(3)[_axes_about_pole(directions)]
+    rings = None
+    if rows is not None:
+        rings, to_pole = _numbered_rings(directions, rows, to_pole)
+    azimuths, elevations = _laser_angles(product(directions, to_pole.T)).T
+    rings = _rings(elevations) if rings is None else rings
     spacing_rad = 0.0
     if rings is None:
         spacing_rad = _spacing(directions)
@@ -206,8 +216,7 @@ def rays_between(directions: _Floats, rows: npt.NDArray[Any] | None) -> tuple[_I
         heights.append(np.full(len(between), height))
     around, above = np.concatenate(turns), np.concatenate(heights)
     is_looked_at = _looked_at(around, azimuths)
-    rays = np.empty((np.count_nonzero(is_looked_at), 3))
-    rays[:, axes] = _laser_directions(around[is_looked_at], above[is_looked_at])
+    rays = product(_laser_directions(around[is_looked_at], above[is_looked_at]), to_pole)
     return np.concatenate(neighbours)[is_looked_at], rays
 
 
@@ -215,6 +224,29 @@ def _axes_about_pole(directions: _Floats) -> list[int]:
     """Return the axes in the order in which the last one is the pole: z, or y of a camera."""
     middle = np.abs(directions.mean(axis=0))
     return [2, 0, 1] if middle[2] > _ALONG_Z else [0, 1, 2]
+
+
+def _numbered_rings(
+    directions: _Floats, rows: npt.NDArray[Any], to_pole: _Floats
+) -> tuple[_Indices | None, _Floats]:
+    """Return the rings (N,) of rows (N,) with a number each, and the axes, the pole last, (3, 3).
+
+    The pole is that of `to_pole`, or in a cloud that is tilted against its laser another one, about
+    which the rows are circles. No rings if there is none: not all lasers scan line by line.
+    """
+    rings: _Indices = np.unique(rows, return_inverse=True)[1]
+    counts = np.bincount(rings)
+    middles = np.stack([np.bincount(rings, axis) for axis in directions.T], axis=1)
+    apart = directions - (middles / counts[:, None])[rings]
+    _, axes = np.linalg.eigh(product(apart.T, apart))
+    pole = axes[:, 0] * (1.0 if axes[np.abs(axes[:, 0]).argmax(), 0] > 0.0 else -1.0)
+    ahead = np.cross(axes[:, 2], pole)
+    turned = np.stack((ahead, np.cross(pole, ahead), pole))
+    for found, width in ((to_pole, _ROW_WIDTH), (turned, _TURNED_ROW_WIDTH)):
+        off = np.abs(product(apart, found[2:].T))
+        if float(np.median(off)) <= width:
+            return rings, found
+    return None, to_pole
 
 
 def _rings(elevations: _Floats) -> _Indices | None:

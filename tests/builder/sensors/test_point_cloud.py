@@ -262,6 +262,36 @@ def test_points_in_a_hole_of_a_cloud_without_rows_are_as_dense(pose: RigidTransf
     assert 0.5 < share < 2.0
 
 
+def test_lines_of_a_laser_that_does_not_scan_line_by_line_are_no_rows() -> None:
+    """Rays anywhere, of four lasers at random: as if their numbers were not known."""
+    rng = np.random.default_rng(9)
+    rays = rng.normal(size=(9_000, 3)) * (1.0, 1.0, 0.3)
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    lines = rng.integers(0, 4, len(rays), dtype=np.uint8)
+    without = cloud_of((8.0 * rays)[None]).augmented(HERE, obstacles())
+    after = cloud_of((8.0 * rays)[None], line=lines[None]).augmented(HERE, obstacles())
+    np.testing.assert_array_equal(after.points_m(), without.points_m())
+
+
+@pytest.mark.parametrize("tilt_rad", [0.2, -1.5])
+def test_rows_of_a_tilted_frame_have_another_pole(tilt_rad: float) -> None:
+    """A turning laser in a frame along whose z it does not turn: the same rays are missing."""
+    tilted = RigidTransform.from_xyz_ypr(0.0, 0.0, 0.0, 0.0, 0.4, tilt_rad)
+    rays = laser_rays(ELEVATIONS, AZIMUTHS).reshape(-1, 3)
+    rings = np.repeat(np.arange(len(ELEVATIONS), dtype=np.uint8), 900)
+    is_there = np.random.default_rng(7).random(len(rays)) > 0.2
+    rays, rings = 8.0 * rays[is_there], rings[is_there][None]
+    straight = cloud_of(rays[None], "f8", ring=rings).augmented(HERE, obstacles())
+    cloud = cloud_of(tilted.inverse().apply(rays)[None], "f8", ring=rings)
+    after = cloud.augmented(HERE @ tilted, obstacles())
+    assert straight.width > len(rays) + 80
+    assert after.width == straight.width
+    found, wanted = tilted.apply(after.points_m()), straight.points_m()
+    apart = np.linalg.norm(found[:, None] - wanted[len(rays) :], axis=2)
+    np.testing.assert_allclose(found[: len(rays)], wanted[: len(rays)], atol=1e-6)
+    assert apart.min(axis=0).max() < 1e-5
+
+
 def wall(distance_m: float) -> VoxelField:
     """Return a wall of voxels across the x axis."""
     occupied = np.zeros((2, 80, 40), np.uint8)
