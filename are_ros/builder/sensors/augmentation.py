@@ -101,7 +101,8 @@ class SensorAugmentation:
             path.lens = self._lenses.get(topic)
         self._paths[topic].push(topic, reading, received_ns)
         if isinstance(reading, DepthImage):
-            self._studio.keep_depth(reading)
+            lens = self._paths[topic].lens
+            self._studio.keep_depth(reading if lens is None else reading.seen_through(lens))
             self.transforms_came(received_ns)
 
     def _lacks_depth(self, reading: Reading) -> bool:

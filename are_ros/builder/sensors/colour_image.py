@@ -384,12 +384,13 @@ class Studio:
     ) -> npt.NDArray[np.float32]:
         """Return how far away is what is really there, float32 (H, W) [m].
 
-        By the depth image of the same frame, time and size. Where that has no return or is missing,
-        the environment's surface in the tiles `which`, and inf elsewhere.
+        By the depth image of the same frame, time and size, of several that of its lens. Where that
+        has no return or is missing, the environment's surface in the tiles `which`, and inf
+        elsewhere.
         """
         view = lens.view
         ranges = np.full((view.height, view.width), np.nan, dtype=np.float32)
-        depth = self._depth_of(image, view.height, view.width)
+        depth = self._depth_of(image, lens)
         self.expects_depth = False
         self._paired += depth is not None
         if depth is None and self._depths:
@@ -408,19 +409,23 @@ class Studio:
         ranges[is_open] = np.inf
         return ranges
 
-    def _depth_of(self, image: Reading, height: int, width: int) -> DepthImage | None:
-        """Return the depth image that goes with an image, None if there is none."""
+    def _depth_of(self, image: Reading, lens: Lens) -> DepthImage | None:
+        """Return the depth image that goes with an image, None if there is none.
+
+        Of several that may, that of the same lens: two cameras may share a frame.
+        """
         near = [
             one
             for one in self._depths
             if one.frame_id == image.frame_id and abs(one.stamp_ns - image.stamp_ns) <= _SAME_NS
         ]
-        for depth in sorted(near, key=lambda one: abs(one.stamp_ns - image.stamp_ns)):
+        near.sort(key=lambda one: abs(one.stamp_ns - image.stamp_ns))
+        for depth in sorted(near, key=lambda one: one.lens is None or not lens.is_like(one.lens)):
             try:
                 depth.pixels.stored()
             except InputError:
                 continue  # it is counted where it is augmented itself
-            if depth.pixels.shape == (height, width):
+            if depth.pixels.shape == (lens.view.height, lens.view.width):
                 return depth
         return None
 

@@ -1,6 +1,6 @@
 """Where the pixels of an image look: made once per CameraInfo, for all images taken with it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -67,6 +67,10 @@ class Lens:
                 f"it has {width} x {height} pixels, and {self.info.source} is of"
                 f" {view.width} x {view.height}"
             )
+
+    def is_like(self, other: "Lens") -> bool:
+        """Return whether both lenses have the same numbers, from whatever topic."""
+        return replace(self.info, source="") == replace(other.info, source="")
 
     @cached_property
     def tiles(self) -> DepthTiles:

@@ -238,6 +238,21 @@ def test_only_the_depth_image_of_the_same_time_and_frame_hides(
     assert (painted(raw, obstacles).pixels is raw) == is_hidden
 
 
+@pytest.mark.parametrize("is_hidden", [True, False])
+def test_of_two_cameras_in_one_frame_the_depth_image_of_the_same_lens_hides(
+    obstacles: Obstacles, *, is_hidden: bool
+) -> None:
+    """Whichever came first; one of them sees a wall close by."""
+    assert isinstance(obstacles.studio, Studio)
+    k = (2.0 * LENS.info.k[0], *LENS.info.k[1:])
+    tele = Lens(LENS.frame_id, replace(LENS.info, k=k), LENS.view)
+    for lens, is_wall in ((tele, not is_hidden), (LENS, is_hidden), (tele, not is_hidden)):
+        image = Image("eye", 100, "16UC1", 0, WIDTH, depths(900 if is_wall else 3000))
+        obstacles.studio.keep_depth(DepthImage(RawDepth(image)).seen_through(lens))
+    raw = RawColour(grey("rgb8"))
+    assert (painted(raw, obstacles).pixels is raw) == is_hidden
+
+
 @pytest.mark.parametrize(
     ("frame", "stamp_ns", "rows", "reason"),
     [
