@@ -46,7 +46,7 @@ def export_mesh(
     if octomap_file is not None:
         voxels = _voxels_of_file(octomap_file, scene.parameters.world)
         scene = replace(scene, voxels=voxels, cloud_problem="")
-    moment = moment_at(scene.record, at_s)
+    moment = moment_at(scene.record, at_s, scene.parameters.builder.tick_rate)
     place = place_of(scene.parameters, scene.grid, scene.voxels, camera=None)
     parts = scene_parts(place, scene.parameters.world, moment)
     length_bytes = write_scene(mesh, parts)
@@ -84,14 +84,16 @@ def export_sets(
         say(sentence)
 
 
-def moment_at(record: SceneRecord, at_s: float | None) -> Moment:
+def moment_at(record: SceneRecord, at_s: float | None, tick_rate_hz: float) -> Moment:
     """Return the last tick that is not after a time from the first tick on; None: the last of all.
 
-    Raises BagError for a time after the last tick.
+    What a node sends at its end, when nobody is there any more, is at no tick's time, and does not
+    count. Raises BagError for a time after the last tick.
     """
     stamps_ns = record.series.stamps_ns
     if at_s is None:
-        return record.moment(int(stamps_ns[-1]))
+        at_ticks_ns = stamps_ns[stamps_ns % round(NS_PER_S / tick_rate_hz) == 0]
+        return record.moment(int((at_ticks_ns if len(at_ticks_ns) else stamps_ns)[-1]))
     wanted_ns = int(stamps_ns[0]) + round(at_s * NS_PER_S)
     if wanted_ns > stamps_ns[-1]:
         last_s = int(stamps_ns[-1] - stamps_ns[0]) / NS_PER_S

@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy.typing as npt
 import pytest
 import trimesh
 
+from are_ros.export.command import moment_at
 from tests.oracles.lattices import of_cloud
 from tests.oracles.rays import ray_chords_m
 from tests.oracles.recorded import read_inputs, read_outputs
@@ -47,6 +49,25 @@ def test_the_file_has_the_artefacts_of_the_tick_where_they_were(
         low, high = np.min(turned, axis=1), np.max(turned, axis=1)
         centre, half = box_of(state)
         assert (*low, *high) == pytest.approx((*(centre - half), *(centre + half)), abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("stamps_ns", "at_s", "chosen_ns"),
+    [
+        ((10**9, 11 * 10**8, 12 * 10**8, 12 * 10**8 + 7), None, 12 * 10**8),
+        ((10**9, 11 * 10**8, 12 * 10**8, 12 * 10**8 + 7), 0.2, 12 * 10**8),
+        ((10**9, 11 * 10**8), None, 11 * 10**8),
+        ((10**9 + 3, 11 * 10**8 + 3), None, 11 * 10**8 + 3),  # of another tick rate
+    ],
+)
+def test_what_a_node_sends_at_its_end_is_no_tick(
+    stamps_ns: tuple[int, ...], at_s: float | None, chosen_ns: int
+) -> None:
+    """It has removed all artefacts, and the mesh would be empty."""
+    series = SimpleNamespace(stamps_ns=np.array(stamps_ns))
+    record: Any = SimpleNamespace(series=series)
+    record.moment = lambda stamp_ns: SimpleNamespace(stamp_ns=stamp_ns)
+    assert moment_at(record, at_s, 10.0).stamp_ns == chosen_ns
 
 
 def box_of(state: Any) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
