@@ -220,7 +220,10 @@ class SensorPath:
             self._release(item, now_ns, None)
             return
         if self._lacks_lens():
-            self._pass_through(f"no CameraInfo that can be used has come on {self._lens_topic}")
+            self._pass_through(
+                f"no CameraInfo that can be used has come on {self._lens_topic}"
+                " (sensors.camera_infos takes one from elsewhere)"
+            )
             self._release(item, now_ns, None)
             return
         pose = self._exact_pose(item.reading)

@@ -567,7 +567,10 @@ def test_an_image_whose_lens_never_comes_passes_through() -> None:
     path.deadline_passed(92)
     (released,) = path.take()
     assert (released.reading, released.is_augmented) == (image, False)
-    assert path.last_problem == "no CameraInfo that can be used has come on /d/camera_info"
+    assert path.last_problem == (
+        "no CameraInfo that can be used has come on /d/camera_info"
+        " (sensors.camera_infos takes one from elsewhere)"
+    )
     path.lens = 320
     path.push("/d/image", Picture(), 100)
     (released,) = path.take()
