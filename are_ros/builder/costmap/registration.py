@@ -75,8 +75,8 @@ def covered_cells(boxes: OrientedBoxes, grid: OccupancyGrid) -> CoveredCells:
     `TOUCH_TOLERANCE_M` on each side; one without area covers the cell that holds it.
     """
     lattice = lattice_row(grid.origin, grid.resolution_m, grid.resolution_m)
-    is_covered = np.zeros((grid.height, grid.width), np.bool_)
-    return CoveredCells(*_cover(boxes.packed, lattice, is_covered, TOUCH_TOLERANCE_M))
+    shape = (grid.height, grid.width)
+    return CoveredCells(*_cover(boxes.packed, lattice, shape, TOUCH_TOLERANCE_M))
 
 
 def clutter_ratio(cells: CoveredCells, classes: CellClasses) -> float:
@@ -91,29 +91,46 @@ def clutter_ratio(cells: CoveredCells, classes: CellClasses) -> float:
 def _cover(
     packed: npt.NDArray[np.float64],
     lattice: npt.NDArray[np.float64],
-    is_covered: Mask,
+    shape: tuple[int, int],
     tolerance_m: float,
 ) -> tuple[Rectangles, Mask, int]:
-    """Return windows, masks and the number of cells in their union, which are marked."""
+    """Return windows, masks and the number of cells in their union."""
     windows = np.zeros((packed.shape[0], 5), np.int64)
-    masks, size, count = [np.zeros(0, np.bool_)], 0, 0
+    masks, size, count = [np.zeros((0, 0), np.bool_)], 0, 0
     for i in range(packed.shape[0]):
-        row0, col0, mask = covered(packed, i, lattice, is_covered.shape, tolerance_m)
+        row0, col0, mask = covered(packed, i, lattice, shape, tolerance_m)
         windows[i, 0], windows[i, 1] = row0, col0
         windows[i, 2], windows[i, 3], windows[i, 4] = mask.shape[0], mask.shape[1], size
-        masks.append(mask.reshape(-1))
+        masks.append(mask)
         size += mask.size
-        under = is_covered[row0 : row0 + mask.shape[0], col0 : col0 + mask.shape[1]]
-        for row in range(mask.shape[0]):
-            for col in range(mask.shape[1]):
-                count += mask[row, col] and not under[row, col]
-                under[row, col] |= mask[row, col]
     cells = np.zeros(size, np.bool_)
     for i in range(packed.shape[0]):
-        own, start = masks[i + 1], windows[i, 4]
-        for k in range(own.size):
-            cells[start + k] = own[k]
+        _copy(masks[i + 1].reshape(-1), cells[windows[i, 4] :])
+    is_covered = np.zeros(shape, np.bool_)
+    for i in range(packed.shape[0]):
+        row0, col0, mask = windows[i, 0], windows[i, 1], masks[i + 1]
+        for row in range(mask.shape[0]):
+            count += _cover_more(mask[row], is_covered[row0 + row, col0 : col0 + mask.shape[1]])
     return windows, cells, count
+
+
+# Loops over whole arrays: with an offset to the index the compiler makes no vector instructions.
+
+
+@compiled
+def _copy(cells: Mask, to: Mask) -> None:
+    for k in range(cells.size):
+        to[k] = cells[k]
+
+
+@compiled
+def _cover_more(cells: Mask, is_covered: Mask) -> int:
+    """Mark cells (K,) as covered, and return how many of them were not."""
+    number = 0
+    for k in range(cells.size):
+        number += cells[k] and not is_covered[k]
+        is_covered[k] |= cells[k]
+    return number
 
 
 @dataclass(frozen=True)
