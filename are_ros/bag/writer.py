@@ -1,5 +1,6 @@
 """Writes recordings: MCAP files that ROS 2, Foxglove and rosbags open."""
 
+from collections import deque
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
@@ -78,6 +79,9 @@ _CHUNK_BYTES = 4 * 1024 * 1024
 _BATCH_BYTES = 2 * 1024 * 1024
 """Messages are handed over to the thread that compresses and writes when they are so many."""
 
+_MOST_BATCHES = 4
+"""So many batches may wait for the thread: large maps come at once, and then few for a while."""
+
 _Message = tuple[int, int, bytes | memoryview, int, int]
 """Its channel, log time, data, publish time, and number in the channel."""
 
@@ -123,7 +127,7 @@ class BagWriter:
         self._batch: list[_Message] = []
         self._batch_bytes = 0
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="bag writer")
-        self._written: Future[None] | None = None
+        self._handed_over: deque[Future[None]] = deque()
 
     def __enter__(self) -> "BagWriter":  # noqa: PYI034 (Self came with Python 3.11)
         try:
@@ -222,27 +226,30 @@ class BagWriter:
         return self._schemas[type_name]
 
     def _hand_over(self) -> None:
-        """Have the batch written, once the last one is."""
-        self._join()
-        self._written = self._thread.submit(self._write_all, self._batch)
+        """Have the batch written after those before it, of which `_MOST_BATCHES` may wait."""
+        self._join(_MOST_BATCHES - 1)
+        before = self._handed_over[-1] if self._handed_over else None
+        self._handed_over.append(self._thread.submit(self._write_all, self._batch, before))
         self._batch, self._batch_bytes = [], 0
 
     def _wait(self) -> None:
         """Wait until all messages are with the writer."""
         if self._batch:
             self._hand_over()
-        self._join()
+        self._join(0)
 
-    def _join(self) -> None:
-        """Wait for the batch that was handed over; BagError if it could not be written."""
-        written, self._written = self._written, None
-        if written is not None:
-            try:
-                written.result()
-            except OSError as cause:
-                raise self._unwritable(cause) from cause
+    def _join(self, most: int) -> None:
+        """Wait until at most so many batches wait; BagError if one could not be written."""
+        try:
+            while len(self._handed_over) > most:
+                self._handed_over.popleft().result()
+        except OSError as cause:
+            raise self._unwritable(cause) from cause
 
-    def _write_all(self, messages: Sequence[_Message]) -> None:
+    def _write_all(self, messages: Sequence[_Message], before: "Future[None] | None") -> None:
+        """Write a batch; where the one before it failed, fail likewise, for nothing may lack."""
+        if before is not None:
+            before.result()
         for channel, log_time_ns, data, published_ns, count in messages:
             self._writer.add_message(channel, log_time_ns, data, published_ns, sequence=count)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from mcap.writer import Writer
 from rosbags.interfaces import QosDurability, QosHistory, QosReliability
 from rosbags.rosbag2 import Reader as Ros2Reader
 
@@ -157,6 +158,30 @@ def test_a_file_that_grows_too_large_is_said(tmp_path: Path, count: int) -> None
     with pytest.raises(BagError, match=r"out\.mcap cannot be written: File too large"):
         write()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_nothing_is_written_after_what_could_not_be(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where batches wait for the thread already: a partial file that is kept has no hole."""
+    asked: list[int] = []
+
+    def add_message(_: Writer, __: int, log_time: int, *___: object, **____: object) -> None:
+        asked.append(log_time)
+        if log_time == 1:
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Writer, "add_message", add_message)
+
+    def write() -> None:
+        with BagWriter(tmp_path / "out.mcap", keeps_partial=True) as writer:
+            writer.add_topic("/noise", "std_msgs/msg/String")
+            for k in range(30):
+                writer.write_raw("/noise", k, bytes(3 * 2**20))  # a batch each
+
+    with pytest.raises(BagError, match=r"out\.mcap cannot be written: No space left"):
+        write()
+    assert asked == [0, 1]
 
 
 def test_maps_compress_to_almost_nothing(tmp_path: Path, factory: RosbagsFactory) -> None:
