@@ -184,6 +184,15 @@ def sensors_of(texts: Iterable[str]) -> dict[str, tuple[str, ...]]:
     return {role: tuple(dict.fromkeys(names)) for role, names in topics.items()}
 
 
+def named_sensors(sensors: SensorsParameters) -> dict[str, tuple[str, ...]]:
+    """Return the topics of each sensor's role for which the parameters name them."""
+    return {
+        role: tuple(slashed(topic) for topic in kind.topics(sensors))
+        for role, kind in SENSORS.items()
+        if not kind.is_by_role(sensors)
+    }
+
+
 def _read_override(text: str) -> tuple[str, str]:
     role, separator, topic = text.partition(":=")
     if not (separator and role and topic):

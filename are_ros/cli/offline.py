@@ -21,6 +21,7 @@ from are_ros.cli.options import (
     params_option,
     recording_options,
     say,
+    set_option,
     start_option,
 )
 
@@ -79,6 +80,8 @@ def replay(**options: Any) -> None:
 
 @click.command(cls=Command, short_help="Say what a recording holds, and what it lacks.")
 @recording_options
+@params_option
+@set_option
 def inspect(**options: Any) -> None:
     """Say what a recording holds: topics, the roles that they play, how its frames hang together.
 
@@ -87,7 +90,7 @@ def inspect(**options: Any) -> None:
     """
     from are_ros.replay.command import inspect_command
 
-    inspect_command(click.echo, **options | {"map_frame": options["map_frame"] or "map"})
+    inspect_command(click.echo, **options)
 
 
 @click.command(cls=Command, short_help="Find where a map lies, by the scans of a recording.")

@@ -8,7 +8,7 @@ from typing import Any, Final
 from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.bag.reader import BagReader, recording_in
 from are_ros.bag.recording import find_recording
-from are_ros.bag.roles import OCTOMAP, read_overrides, sensors_of
+from are_ros.bag.roles import OCTOMAP, named_sensors, read_overrides, sensors_of
 from are_ros.builder.assembly import (
     catalogue_of,
     parse_static_transforms,
@@ -321,18 +321,23 @@ def inspect_command(
     bags: tuple[Path, ...],
     topics: Sequence[str],
     map_file: Path | None,
-    map_frame: str,
+    map_frame: str | None,
     static_transforms: Sequence[str],
+    parameter_files: Sequence[Path],
+    assignments: Sequence[str],
 ) -> None:
     """Run `are inspect`."""
+    of_options = sensors_of(topics)
+    parameters = effective_parameters(
+        parameter_files, assignments, None, map_frame, static_transforms, sensors=of_options
+    )
     with BagReader([recording_in(bag) for bag in bags]) as reader:
         inspection = inspect_bag(
             reader,
             read_overrides(topics),
-            map_frame=map_frame,
+            parameters=parameters,
             has_map_file=map_file is not None,
-            static_transforms=static_transforms,
-            sensors=sensors_of(topics),
+            sensors=named_sensors(parameters.sensors) | of_options,
         )
     for line in inspection_lines(inspection, map_file):
         echo(line)

@@ -18,7 +18,7 @@ from are_ros.bag.roles import (
     RolesFound,
     find_roles,
     left_as_they_are,
-    slashed,
+    named_sensors,
 )
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
@@ -254,12 +254,7 @@ def _say_what_is_missing(
     options: ReplayOptions, reader: BagReader, roles: RolesFound, say: Say
 ) -> None:
     """Raise BagError where there is no map; say which topics play the other roles, or none."""
-    sensors = options.parameters.sensors
-    named = {
-        role: [slashed(topic) for topic in kind.topics(sensors)]
-        for role, kind in SENSORS.items()
-        if not kind.is_by_role(sensors)
-    }
+    named = named_sensors(options.parameters.sensors)
     given = [OCTOMAP] if options.octomap_file is not None else []
     said = roles.sentences(silent=[*named, *given])
     for sentence in (*said, *left_as_they_are(reader.topics, roles, named)):

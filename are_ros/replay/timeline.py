@@ -60,6 +60,17 @@ class ReplayOptions:
     is_wait_given: bool = False
 
 
+def refuse_absent_infos(reader: BagReader, sensors: SensorsParameters) -> None:
+    """Raise BagError where the parameters name a CameraInfo that the recording does not have."""
+    infos = [topic.name for topic in reader.topics if topic.type_name == CAMERA_INFO_TYPE]
+    for topic in sensors.info_by_image.values():
+        if topic not in infos:
+            known = ", ".join(sorted(infos)) or "none"
+            raise BagError(
+                f"sensors.camera_infos: the recording has no CameraInfo '{topic}'; it has: {known}"
+            )
+
+
 @dataclass(frozen=True)
 class SubstituteInfo:
     """Images without a CameraInfo on `beside`, and the topics of those that fit them.
@@ -207,12 +218,7 @@ def topics_to_read(reader: BagReader, options: ReplayOptions, roles: RolesFound)
     for topic in lens_topics(chosen, sensors).values():
         if topic in infos:
             chosen.setdefault(topic, CAMERA_INFO)
-    for topic in sensors.info_by_image.values():
-        if topic not in infos:
-            known = ", ".join(sorted(infos)) or "none"
-            raise BagError(
-                f"sensors.camera_infos: the recording has no CameraInfo '{topic}'; it has: {known}"
-            )
+    refuse_absent_infos(reader, sensors)
     return chosen
 
 

@@ -20,6 +20,7 @@ from are_ros.world.transforms.tree import FrameTree
 _SOURCE_NAMES: Final = {
     TransformSource.ODOMETRY: "odometry",
     TransformSource.TF: "tf",
+    TransformSource.PREFERRED_ODOMETRY: "preferred odometry",
     TransformSource.PARAMETER: "what is given",
 }
 _AHEAD_NS = NS_PER_S // 10
@@ -158,7 +159,7 @@ def _moved_wholes(edges: Sequence[SurveyedEdge]) -> dict[tuple[str, str], str]:
     wholes = {
         (edge.parent, edge.child): root_above(edge.child, joints)
         for edge in edges
-        if edge.source == TransformSource.ODOMETRY and edge.child in joints
+        if edge.source.is_odometry and edge.child in joints
     }
     return {
         names: whole
@@ -293,7 +294,7 @@ def turned_joint(survey: FrameSurvey, base_frame: str, frames: FrameTree) -> str
     """
     on_robot = survey.connected_to(base_frame)
     for edge in survey.edges:
-        if edge.source == TransformSource.ODOMETRY and edge.child in on_robot:
+        if edge.source.is_odometry and edge.child in on_robot:
             whole = survey.root_of(edge.child)
             if edge.parent not in on_robot and whole != edge.child:
                 option = static_tf_option(edge.child, whole, _pose_in(frames, edge.child, whole))

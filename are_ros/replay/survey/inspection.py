@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -37,7 +37,7 @@ from are_ros.bag.stretches import (
     stretches_of,
     wait_sentence,
 )
-from are_ros.builder.assembly import parse_static_transforms
+from are_ros.builder.assembly import odometry_source, parse_static_transforms
 from are_ros.builder.sensors.colour_image import ColourImage
 from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.conventions import NS_PER_S
@@ -46,8 +46,8 @@ from are_ros.messages.images.image import read_camera_info, size_of
 from are_ros.messages.maps import read_grid
 from are_ros.messages.sensors import SENSORS, lens_topics, noun_of, sensor_topics
 from are_ros.messages.transforms import StampedTransform
-from are_ros.parameters.declaration import with_values
-from are_ros.parameters.model import Parameters, PosesParameters
+from are_ros.parameters.choices import CameraModel
+from are_ros.parameters.model import Parameters
 from are_ros.replay.recorded_frames import RecordedFrames
 from are_ros.replay.survey.frame_survey import (
     FrameSurvey,
@@ -58,11 +58,17 @@ from are_ros.replay.survey.frame_survey import (
     upward_cameras,
 )
 from are_ros.replay.survey.recorded_pose import option_of_poses
-from are_ros.replay.timeline import LATE_INPUT_NS, WITHOUT_CAMERA_INFO, substitute_infos
+from are_ros.replay.timeline import (
+    LATE_INPUT_NS,
+    WITHOUT_CAMERA_INFO,
+    refuse_absent_infos,
+    substitute_infos,
+)
 from are_ros.wording import aligned, counted, listed, section, several
 from are_ros.world.transforms.table import TransformSource
 from are_ros.world.transforms.tree import FrameTree
 
+_USUAL: Final = Parameters()
 _SENSOR_ROLES = (*(role for role in SENSORS if role not in BY_NAME), CAMERA)
 _GIVEN = "given"
 _LONG_NS = 2 * NS_PER_S
@@ -113,45 +119,49 @@ def inspect_bag(
     reader: BagReader,
     overrides: Mapping[str, str] | None = None,
     *,
-    map_frame: str = "map",
+    parameters: Parameters = _USUAL,
     has_map_file: bool = False,
-    static_transforms: Sequence[str] = (),
     sensors: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> Inspection:
     """Look through an open recording: all its transforms, and one message of each useful topic.
 
-    `overrides` are the user's topics by role, `static_transforms` those that come by parameter or
-    option, `sensors` all topics of each sensor's role; `map_frame` is that of the parameters.
-    BagError as `find_roles` and the reader, ParameterError as `parse_static_transforms`.
+    `overrides` are the user's topics by role, `sensors` all topics of each sensor's role. BagError
+    as `find_roles` and the reader, ParameterError as `parse_static_transforms` and `lens_topics`.
     """
     roles = find_roles(reader.topics, overrides or {})
     named = {topic: role for role, topics in sensors.items() for topic in topics}
     for topic, role in named.items():
         find_roles(reader.topics, {role: topic})  # refuses what is of another type
-    given_edges = [(p, c) for p, c, _ in parse_static_transforms(static_transforms)]
+    given_edges = [(p, c) for p, c, _ in parse_static_transforms(parameters.frames.static)]
     reader.expect(types_of(roles.by_topic(ROLE_TYPES) | named))
     frame_ids = _first_frames(reader)
     times = RecordedTimes.read(reader, _timed(reader, roles, named), reader.start_ns, reader.end_ns)
     clock, trouble = _clock(times)
     stretches = stretches_of(times, clock, reader.start_ns, reader.end_ns)
-    recorded = RecordedFrames(with_values(Parameters(), {"frames.static": static_transforms}))
-    survey = _survey(reader, roles, given_edges, clock, stretches, recorded)
+    recorded = RecordedFrames(parameters)
+    source = odometry_source(parameters)
+    survey = _survey(reader, roles, given_edges, clock, stretches, recorded, source)
     topics = tuple(
         InspectedTopic(topic, _rate_hz(reader, topic, stretches), frame_ids.get(topic.name, ""))
         for topic in reader.topics
     )
     map_topic = roles.topic("map")
     of_map = "" if has_map_file else frame_ids.get(map_topic or "", "")
-    world_frame, map_frame = map_frame, of_map or map_frame
-    base_frame = base_frame_of(survey.frames(), times.odometry_child)
+    world_frame = parameters.frames.map
+    map_frame = of_map or world_frame
+    base_frame = parameters.frames.base or base_frame_of(survey.frames(), times.odometry_child)
+    has_base = base_frame in survey.frames()
     role_of_topic = roles.by_topic(_SENSOR_ROLES) | named
     placed = survey.connected_to(map_frame)
     cameras = {frame_ids.get(topic, "") for topic in _camera_topics(role_of_topic)}
     upwards = upward_cameras(recorded.tree, base_frame, cameras) if base_frame else []
     survey = replace(survey, oddities=(*survey.oddities, *upwards))
     readings = _first_readings(reader, role_of_topic)
-    infos = substitute_infos(reader, lens_topics(role_of_topic))
-    waits = list(_waits(times, clock, role_of_topic, map_frame, given_edges, placed))
+    lenses = lens_topics(role_of_topic, parameters.sensors)
+    refuse_absent_infos(reader, parameters.sensors)
+    infos = substitute_infos(reader, lenses)
+    history_s = parameters.poses.history
+    waits = list(_waits(times, clock, role_of_topic, map_frame, given_edges, placed, history_s))
     missing = [
         *([] if map_topic or has_map_file else [_NO_MAP]),
         *([] if has_map_file else _poor_map(reader, roles)),
@@ -162,11 +172,11 @@ def inspect_bag(
         *_turned_round(survey),
         *_rings(survey),
         *_missing_frames(role_of_topic, frame_ids),
-        *_missing_mounts(survey, role_of_topic, frame_ids, base_frame),
+        *(_missing_mounts(survey, role_of_topic, frame_ids, base_frame) if has_base else ()),
         *_missing_cloud_frame(survey, roles.topic(OCTOMAP), frame_ids, map_frame),
-        *_missing_camera(reader, roles),
+        *(_missing_camera(reader, roles) if parameters.camera.model is CameraModel.AUTO else ()),
         *(one.sentence() for one in infos if not one.chosen),
-        *_missing_lenses(reader, role_of_topic),
+        *_missing_lenses(reader, lenses),
         *_missing_readings(readings, role_of_topic),
         *_missing_stamps(times),
         *_missing_repeats(survey, reader.end_ns - reader.start_ns),
@@ -225,18 +235,20 @@ def _waits(
     map_frame: str,
     given_edges: Iterable[tuple[str, str]],
     placed: Collection[str],
+    history_s: float,
 ) -> Iterable[tuple[str, bool]]:
     """Say how long readings wait for their transforms, where anything joins them to the map.
 
-    `placed` are the frames that hang together with the map's. With each sentence comes whether any
-    reading of the topic gets its transform in time, or its clock is said to differ.
+    `placed` are the frames that hang together with the map's; poses are kept for `history_s`. With
+    each sentence comes whether any reading of the topic gets its transform in time, or its clock is
+    said to differ.
     """
     waits = scan_waits(times, clock, map_frame, given_edges)
     for topic, waits_ns in waits.items():
         is_stamped = times.scans[topic].stamps_ns.any()
         if len(waits_ns) or (is_stamped and times.scan_frames[topic] in placed):
             count, noun = len(times.scans[topic].log_ns), noun_of(role_of_topic.get(topic, "scan"))
-            known_ns = in_reach(waits_ns, PosesParameters().history)
+            known_ns = in_reach(waits_ns, history_s)
             sentence = wait_sentence(topic, noun, waits_ns, count)
             yield sentence, topic in clock.apart or len(known_ns) > 0
 
@@ -267,6 +279,7 @@ def _survey(
     clock: BagClock,
     stretches: Stretches,
     recorded: RecordedFrames,
+    source_of_odometry: TransformSource | None,
 ) -> FrameSurvey:
     """Survey both tf topics, the odometry's edge and those that were given.
 
@@ -284,7 +297,7 @@ def _survey(
         surveyor.see(transforms, message.topic, received_ns, is_static=is_static)
         for transform in transforms:
             recorded.take_transform(transform, is_static=is_static)
-    _survey_odometry(reader, roles.topic("odom"), clock, surveyor)
+    _survey_odometry(reader, roles.topic("odom"), clock, surveyor, source_of_odometry)
     given = [_edge(parent, child, reader.start_ns) for parent, child in given_edges]
     source = TransformSource.PARAMETER
     surveyor.see(given, _GIVEN, reader.start_ns, is_static=True, source=source)
@@ -293,10 +306,14 @@ def _survey(
 
 
 def _survey_odometry(
-    reader: BagReader, topic: str | None, clock: BagClock, surveyor: FrameSurveyor
+    reader: BagReader,
+    topic: str | None,
+    clock: BagClock,
+    surveyor: FrameSurveyor,
+    source: TransformSource | None,
 ) -> None:
     """Take in the odometry's edge where it has both names (an empty child means the base)."""
-    if topic is None:
+    if topic is None or source is None:
         return
     first = reader.first_object(topic)
     if first is None or not (first.header.frame_id and first.child_frame_id):
@@ -304,7 +321,6 @@ def _survey_odometry(
     for message in filter(reader.is_expected, reader.messages((topic,))):
         received_ns = clock.at(message.log_time_ns)
         edge = _edge(first.header.frame_id, first.child_frame_id, received_ns)
-        source = TransformSource.ODOMETRY
         surveyor.see((edge,), topic, received_ns, is_static=False, source=source)
 
 
@@ -369,6 +385,8 @@ def _missing_pose(
             f"there is no frame of the base, neither {names}: give it with --set frames.base:=NAME"
             f" ({choice})"
         )
+    elif base_frame not in survey.frames():
+        yield f"there is no frame {base_frame}, which frames.base names (frames: {known})"
     elif joint := "" if is_joined else turned_joint(survey, base_frame, frames):
         yield joint
     elif moving := "" if is_joined else survey.moving_beside(base_frame):
@@ -433,8 +451,6 @@ def _missing_mounts(
     survey: FrameSurvey, topics: Iterable[str], frame_ids: Mapping[str, str], base_frame: str
 ) -> Iterable[str]:
     """Say which sensors are not mounted on the robot, as far as the frames tell."""
-    if not base_frame:
-        return
     mounted = survey.connected_to(base_frame)
     for topic in dict.fromkeys(topics):
         frame = frame_ids.get(topic, "")
@@ -474,9 +490,9 @@ def _missing_camera(reader: BagReader, roles: RolesFound) -> Iterable[str]:
         )
 
 
-def _missing_lenses(reader: BagReader, sensors: Mapping[str, str]) -> Iterable[str]:
+def _missing_lenses(reader: BagReader, lenses: Mapping[str, str]) -> Iterable[str]:
     """Say which images have a CameraInfo of another size."""
-    for topic, lens_topic in lens_topics(sensors).items():
+    for topic, lens_topic in lenses.items():
         image, info = reader.first_object(topic), reader.first_object(lens_topic)
         if image is None or info is None or (size := size_of(image)) is None:
             continue

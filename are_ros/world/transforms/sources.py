@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Final
 
 from are_ros.errors import InvalidTransformError
 from are_ros.world.rigid_transform import Values, normalised, why_invalid
@@ -49,7 +48,6 @@ def _why_names_invalid(parent: str, child: str) -> str | None:
     return "parent and child are the same frame" if parent == child else None
 
 
-_OF_ODOMETRY: Final = (TransformSource.ODOMETRY, TransformSource.PREFERRED_ODOMETRY)
 _NAMES = {
     TransformSource.ODOMETRY: "odometry",
     TransformSource.TF: "tf",
@@ -120,7 +118,7 @@ class Precedence:
         odometry already, the joints say that nothing moves: the claim stays as it is.
         """
         top, pose, passed = claim.child, claim.pose, {claim.child}
-        if claim.source in _OF_ODOMETRY and not claim.is_static:
+        if claim.source.is_odometry and not claim.is_static:
             while (edge := self._table.edges.get(top)) is not None and edge.is_static:
                 top = edge.parent
                 if top in passed:
@@ -171,7 +169,7 @@ class Precedence:
         edge = self._table.edges.get(claim.child)
         if edge is None or edge.source == claim.source:
             return False
-        if claim.is_static and edge.source in _OF_ODOMETRY and edge.parent != claim.parent:
+        if claim.is_static and edge.source.is_odometry and edge.parent != claim.parent:
             return False
         if edge.source > claim.source:
             self._say_overruled(claim.parent, claim.child, claim.source, edge.source)

@@ -78,6 +78,11 @@ class TransformSource(IntEnum):
     PREFERRED_ODOMETRY = 2
     PARAMETER = 3
 
+    @property
+    def is_odometry(self) -> bool:
+        """Whether odometry messages tell it."""
+        return self in {TransformSource.ODOMETRY, TransformSource.PREFERRED_ODOMETRY}
+
 
 @dataclass(slots=True)
 class Edge:

@@ -1,16 +1,19 @@
 """Inspecting recordings, small ones and real ones."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import pytest
 
 from are_ros.bag.reader import BagReader
-from are_ros.errors import BagError
+from are_ros.errors import BagError, ParameterError
 from are_ros.messages.transforms import StampedTransform
+from are_ros.parameters.declaration import with_values
+from are_ros.parameters.model import Parameters
 from are_ros.replay.survey.inspection import Inspection, inspect_bag, inspection_lines
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
@@ -25,6 +28,7 @@ from bags.simulation.making import (
 
 WriteBag = Callable[[Path, list[tuple[str, int, Any]]], Path]
 S = 1_000_000_000
+EARTH = with_values(Parameters(), {"frames.map": "earth"})
 
 
 def transform(parent: str, child: str, stamp_ns: int) -> StampedTransform:
@@ -81,10 +85,17 @@ def complete(tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag) -> Pa
     return write_bag(tmp_path / "bag.mcap", records)
 
 
-def inspected(path: Path, **options: Any) -> Inspection:
-    """Inspect one recording."""
+def inspected(
+    path: Path,
+    map_frame: str = "map",
+    static_transforms: Sequence[str] = (),
+    values: Mapping[str, Any] = MappingProxyType({}),
+    **options: Any,
+) -> Inspection:
+    """Inspect one recording, with `values` of parameters."""
+    given = {"frames.map": map_frame, "frames.static": static_transforms, **values}
     with BagReader([path]) as reader:
-        return inspect_bag(reader, **options)
+        return inspect_bag(reader, parameters=with_values(Parameters(), given), **options)
 
 
 def test_a_complete_recording_lacks_nothing(complete: Path) -> None:
@@ -166,14 +177,14 @@ def test_messages_of_another_type_on_a_topic_are_passed_over(
     """Somebody published texts on the names of scan, odometry and transforms, before all else."""
     with BagReader([complete]) as reader:
         records = [(m.topic, m.log_time_ns, reader.deserialize(m)) for m in reader.messages()]
-        expected = inspect_bag(reader, map_frame="earth")
+        expected = inspect_bag(reader, parameters=EARTH)
     folder = tmp_path / "both"
     texts = [(topic, 0, factory.make("std_msgs/msg/String")) for topic in ("/front", "/odom")]
     first, second = (
         write_bag(folder / name, part) for name, part in (("a.mcap", texts), ("b.mcap", records))
     )
     with BagReader([first, second]) as reader:
-        inspection = inspect_bag(reader, map_frame="earth", overrides={"scan": "/front"})
+        inspection = inspect_bag(reader, parameters=EARTH, overrides={"scan": "/front"})
     assert inspection.missing == ()
     assert inspection.frames == expected.frames
     assert inspection.time == expected.time
@@ -294,7 +305,7 @@ def test_both_of_two_lasers_are_inspected(
     rear = factory.make("sensor_msgs/msg/LaserScan", header=header, **TWO_BEAMS)
     records = [("/tf_static", 0, mounts), ("/front", 0, scan(factory, 0)), ("/rear", 0, rear)]
     path = write_bag(tmp_path / "bag.mcap", records)
-    options = {"overrides": {"scan": "/front"}, "has_map_file": True}
+    options: dict[str, Any] = {"overrides": {"scan": "/front"}, "has_map_file": True}
     inspection = inspected(path, **options, sensors={"scan": ("/front", "/rear")})
     assert any(
         line.split() == ["scan", "/front,", "/rear"] for line in inspection_lines(inspection)
@@ -550,6 +561,31 @@ def test_a_fixed_transform_that_came_once_on_tf_is_told(
         " publish it on /tf_static, or give it with"
         ' --static-tf "X Y Z YAW PITCH ROLL base_link laser"'
     )
+
+
+def test_parameters_count_as_in_a_replay(
+    complete: Path, tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """The base that they name, what odometry is for, and which topics a sensor has."""
+    usual = inspected(complete, map_frame="earth")
+    assert (usual.base_frame, usual.missing) == ("base_link", ())
+    named = inspected(complete, map_frame="earth", values={"frames.base": "laser"})
+    assert (named.base_frame, named.missing) == ("laser", ())
+    (missing,) = inspected(complete, map_frame="earth", values={"frames.base": "lasr"}).missing
+    known = "base_link, earth, laser, odom"
+    assert missing == f"there is no frame lasr, which frames.base names (frames: {known})"
+    ignored = inspected(complete, map_frame="earth", values={"frames.odometry": "ignore"})
+    assert ignored.frames.connected_to("earth") == {"earth", "odom"}
+    assert ignored.missing[0].startswith("nothing joins earth to base_link")
+    preferred = inspected(complete, map_frame="earth", values={"frames.odometry": "use"})
+    assert preferred.missing == ()
+    lens = ("/image:=/lens",)
+    with pytest.raises(ParameterError, match="/image is no topic of images"):
+        inspected(complete, values={"sensors.camera_infos": lens})
+    image = factory.make("sensor_msgs/msg/Image", header=make_header(factory, "laser", 0), **PIXEL)
+    path = write_bag(tmp_path / "image.mcap", [("/image", 0, image)])
+    with pytest.raises(BagError, match="the recording has no CameraInfo '/lens'; it has: none"):
+        inspected(path, values={"sensors.camera_infos": lens})
 
 
 @pytest.mark.parametrize("topic", ["/tf_static", "/tf"])
