@@ -23,7 +23,7 @@ from are_ros.messages.maps import read_grid
 from are_ros.messages.sensors import read_scan
 from are_ros.replay.progress import CountBar, Progress, ProgressBar, Say, said_if_slow
 from are_ros.replay.recorded_frames import FRAME_ROLES, RecordedFrames
-from are_ros.replay.survey.frame_survey import connected_to, root_above
+from are_ros.replay.survey.frame_survey import connected_to, root_above, standing_frame
 from are_ros.replay.timeline import WITHOUT_MAP, ReplayOptions, topics_to_read
 from are_ros.wording import counted, why_refused
 from are_ros.world.map_io import read_map_file
@@ -64,12 +64,16 @@ class PlacedScan:
 
 @dataclass(frozen=True, eq=False)
 class AlignInput:
-    """The usable scans of a recording in frame `root`, and notices about the others."""
+    """The usable scans of a recording in frame `root`, and notices about the others.
+
+    `is_top` tells whether that frame has no parent, so that the map can become it.
+    """
 
     root: str
     topics: tuple[str, ...]
     scans: tuple[PlacedScan, ...]
     notices: tuple[str, ...]
+    is_top: bool = True
 
     def cloud(self) -> ScanCloud:
         """Return all endpoints."""
@@ -130,7 +134,9 @@ def gather(
         raise BagError(f"{', '.join(topics)}: no scan lies in the time that is to be read")
     laser = read_scan(reader.deserialize(first), first.topic).frame_id.lstrip("/")
     tree = _frames_of(reader, options, frames, window, progress)
-    collector = _Collector(tree, _root(tree, laser, options))
+    told = _told_by_odometry(reader, roles.topic("odom"))
+    root, is_top = _root(tree, laser, told, options)
+    collector = _Collector(tree, root)
     wanted = _spread_scans(reader, topics, begin_ns, end_ns)
     for message in reader.messages(topics, begin_ns, end_ns):
         if (message.topic, message.log_time_ns) in wanted:
@@ -141,7 +147,7 @@ def gather(
     placed = sorted(collector.placed, key=lambda scan: scan.stamp_ns)
     drive, notices = _longest_drive(placed)
     return AlignInput(
-        collector.root, topics, tuple(_telling(drive)), (*collector.notices(), *notices)
+        root, topics, tuple(_telling(drive)), (*collector.notices(), *notices), is_top
     )
 
 
@@ -301,17 +307,31 @@ def _frames_of(
     return recorded.tree
 
 
-def _root(tree: FrameTree, laser: str, options: ReplayOptions) -> str:
-    """Return the frame that the map is to be joined to; BagError where it is joined already."""
+def _told_by_odometry(reader: BagReader, topic: str | None) -> list[tuple[str, str]]:
+    """Return parent and child of the odometry, where it names both."""
+    first = None if topic is None else reader.first_object(topic)
+    if first is None:
+        return []
+    names = first.header.frame_id.lstrip("/"), first.child_frame_id.lstrip("/")
+    return [names] if all(names) else []
+
+
+def _root(
+    tree: FrameTree, laser: str, told: list[tuple[str, str]], options: ReplayOptions
+) -> tuple[str, bool]:
+    """Return the frame that the map is to be joined to, and whether it has no parent.
+
+    `told` are the frames of odometry. BagError where the map is joined already.
+    """
     parents = {edge.child: edge.parent for edge in tree.edges()}
     map_frame = options.parameters.frames.map
-    root = root_above(laser, parents)
+    root = standing_frame(laser, parents, told)
     if map_frame in connected_to(laser, ((parent, child) for child, parent in parents.items())):
         raise BagError(
             f"{map_frame} and {laser} hang together already: to find where another map lies, name"
             f" its frame, as with --map-frame site; the transform is then that of site -> {root}"
         )
-    return root
+    return root, root == root_above(laser, parents)
 
 
 def _no_scan(roles: RolesFound) -> str:
@@ -361,9 +381,11 @@ class AlignOutcome:
 
     def line(self, match: Match) -> str:
         """Return the --static-tf option of a match."""
-        x_m, y_m, yaw_rad = match.pose
-        numbers = f"{x_m:.3f} {y_m:.3f} 0 {yaw_rad:.4f} 0 0"
-        return f'--static-tf "{numbers} {self.map_frame} {self.given.root}"'
+        pose, ends = match.pose, f"{self.map_frame} {self.given.root}"
+        if not self.given.is_top:
+            pose, ends = pose.inverse(), f"{self.given.root} {self.map_frame}"
+        x_m, y_m, yaw_rad = pose
+        return f'--static-tf "{x_m:.3f} {y_m:.3f} 0 {yaw_rad:.4f} 0 0 {ends}"'
 
 
 def align_command(echo: Say, say: Say, options: ReplayOptions) -> bool:

@@ -27,6 +27,9 @@ _AHEAD_NS = NS_PER_S // 10
 """Stamps later than the recording by more than this are reported."""
 _UPWARDS: Final = 0.8
 """The z component of a look to the ceiling; bodies of cameras are tilted by some degrees."""
+_NOISE_M: Final = 0.02
+_NOISE_RAD: Final = 0.02
+"""A joint whose transforms differ by less is rigid."""
 _LINK_FROM_OPTICAL: Final = RigidTransform.from_xyz_ypr(
     0.0, 0.0, 0.0, -0.5 * math.pi, 0.0, -0.5 * math.pi
 )
@@ -39,7 +42,8 @@ class SurveyedEdge:
 
     `still_ns` of the time between the first and the last stamp are gaps of the recording.
     `ahead_ns` is how much later than the recording the worst stamp was (negative: earlier).
-    `source` is the strongest of those that gave the edge.
+    `source` is the strongest of those that gave the edge. `first_pose` is the translation and
+    rotation of the first transform; `is_rigid` tells whether the others are alike.
     """
 
     parent: str
@@ -53,6 +57,8 @@ class SurveyedEdge:
     topics: tuple[str, ...] = ()
     source: TransformSource = TransformSource.ODOMETRY
     still_ns: int = 0
+    first_pose: tuple[float, ...] = ()
+    is_rigid: bool = True
 
     def __str__(self) -> str:
         return f"{self.parent} -> {self.child}"
@@ -102,6 +108,21 @@ class FrameSurvey:
         """Return the frame at the top of the tree that holds `frame`."""
         return root_above(frame, {child: parent for parent, child, _ in self._in_force()})
 
+    def standing_frame(self, frame: str) -> str:
+        """Return the frame of the tree of `frame` to which a map is to be joined.
+
+        That is the top, unless the top moves: below it hangs the frame in which odometry moves it.
+        """
+        parents = {child: parent for parent, child, _ in self._in_force()}
+        told = [(e.parent, e.child) for e in self.edges if e.source == TransformSource.ODOMETRY]
+        return standing_frame(frame, parents, told)
+
+    def is_moved(self, frame: str) -> bool:
+        """Return whether tf moves a frame below the top of its tree, be it ever so slowly."""
+        moved = {edge.child for edge in _strongest(self.edges) if not edge.is_rigid}
+        parents = {child: parent for parent, child, _ in self._in_force()}
+        return any(above in moved for above in chain_above(frame, parents))
+
     def moving_beside(self, frame: str) -> str:
         """Return the frame that moves in another tree, where nothing above `frame` does; or ""."""
         return moving_beside(frame, self._in_force())
@@ -140,7 +161,8 @@ class FrameSurvey:
 def _strongest(edges: Sequence[SurveyedEdge]) -> list[SurveyedEdge]:
     """Return the edges from the strongest source of their child.
 
-    What is given also holds against tf that has the two frames the other way round.
+    What is given also holds against tf that has the two frames the other way round, and tf against
+    odometry.
     """
     of_given = TransformSource.PARAMETER
     turned = {(edge.child, edge.parent) for edge in edges if edge.source == of_given}
@@ -148,7 +170,10 @@ def _strongest(edges: Sequence[SurveyedEdge]) -> list[SurveyedEdge]:
     sources: dict[str, TransformSource] = {}
     for edge in edges:
         sources[edge.child] = max(edge.source, sources.get(edge.child, edge.source))
-    return [edge for edge in edges if edge.source == sources[edge.child]]
+    edges = [edge for edge in edges if edge.source == sources[edge.child]]
+    of_odometry = TransformSource.ODOMETRY
+    others = {(edge.child, edge.parent) for edge in edges if edge.source != of_odometry}
+    return [e for e in edges if e.source != of_odometry or (e.parent, e.child) not in others]
 
 
 def _moved_wholes(edges: Sequence[SurveyedEdge]) -> dict[tuple[str, str], str]:
@@ -207,6 +232,9 @@ class FrameSurveyor:
             edge.static_count += is_static
             edge.unstamped += stamp_ns == 0
             edge.source = max(edge.source, source)
+            pose = (*translation_m, *rotation_xyzw)
+            edge.first_pose = edge.first_pose or pose
+            edge.is_rigid = edge.is_rigid and _are_alike(edge.first_pose, pose)
             if topic not in edge.topics:
                 edge.topics = tuple(sorted((*edge.topics, topic)))
 
@@ -250,13 +278,37 @@ def connected_to(frame: str, edges: Iterable[tuple[str, str]]) -> frozenset[str]
     return frozenset(reached)
 
 
+def chain_above(frame: str, parents: Mapping[str, str]) -> list[str]:
+    """Return a frame and the parents above it, `parents` by child; those of a ring come once."""
+    chain = [frame]
+    while (above := parents.get(chain[-1])) is not None and above not in chain:
+        chain.append(above)
+    return chain
+
+
 def root_above(frame: str, parents: Mapping[str, str]) -> str:
     """Return the last of the parents above a frame, `parents` by child; in a ring any of it."""
-    passed = {frame}
-    while (above := parents.get(frame)) is not None and above not in passed:
-        passed.add(above)
-        frame = above
-    return frame
+    return chain_above(frame, parents)[-1]
+
+
+def standing_frame(frame: str, parents: Mapping[str, str], told: Iterable[tuple[str, str]]) -> str:
+    """Return the top of the tree of `frame`, or what stands below a top that moves.
+
+    `told` are the frames (parent, child) of odometry: in tf the parent may hang below the child.
+    """
+    root = root_above(frame, parents)
+    below = (standing for standing, moving in told if moving in chain_above(standing, parents))
+    return next((standing for standing in below if root_above(standing, parents) == root), root)
+
+
+def _are_alike(one: Sequence[float], other: Sequence[float]) -> bool:
+    """Return whether two poses (x y z, then x y z w) differ by less than a joint's noise."""
+    if one == other:
+        return True
+    away_m = math.dist(one[:3], other[:3])
+    cosine = abs(sum(a * b for a, b in zip(one[3:], other[3:], strict=True)))
+    lengths = math.hypot(*one[3:]) * math.hypot(*other[3:])
+    return away_m < _NOISE_M and 2.0 * math.acos(min(1.0, cosine / lengths)) < _NOISE_RAD
 
 
 def moving_beside(frame: str, edges: Iterable[tuple[str, str, bool]]) -> str:
@@ -290,8 +342,11 @@ def static_tf_option(parent: str, child: str, pose: npt.NDArray[np.float64] | No
 def turned_joint(survey: FrameSurvey, base_frame: str, frames: FrameTree) -> str:
     """Return what to do where tf moves a part of the robot of which odometry tells the pose.
 
-    Empty if there is no such part; the joint is that at the end of `frames`.
+    Empty if there is no such part, or tf moves the robot itself, as with another odometry; the
+    joint is that at the end of `frames`.
     """
+    if survey.is_moved(base_frame):
+        return ""
     on_robot = survey.connected_to(base_frame)
     for edge in survey.edges:
         if edge.source.is_odometry and edge.child in on_robot:
@@ -340,10 +395,13 @@ def _oddities(
     edges: tuple[SurveyedEdge, ...], slashed: set[str], apart: Collection[str]
 ) -> Iterable[str]:
     """Yield a sentence for each oddity."""
-    pairs = {(edge.parent, edge.child) for edge in edges}
+    pairs = {(edge.parent, edge.child): edge.source for edge in edges}
     for parent, child in sorted(pairs):
         if parent < child and (child, parent) in pairs:
-            yield f"{parent} -> {child} is there in both directions"
+            weaker, stronger = sorted((pairs[parent, child], pairs[child, parent]))
+            holds = f"; {_SOURCE_NAMES[stronger]} holds, not {_SOURCE_NAMES[weaker]}"
+            said = f"{parent} -> {child} is there in both directions"
+            yield said + holds * (weaker != stronger)
     yield from _odd_parents(edges)
     for edge in edges:
         if len(edge.topics) > 1:

@@ -399,11 +399,15 @@ def _missing_pose(
     elif not is_joined:
         beside = ", ".join(sorted(survey.connected_to(base_frame) - {base_frame}))
         others = f", which hangs together with {beside}" if beside else ""
-        root = survey.root_of(base_frame)
-        known = option_of_poses(reader, roles, map_frame, root, base_frame)
+        standing = survey.standing_frame(base_frame)
+        is_top = standing == survey.root_of(base_frame)
+        known = option_of_poses(reader, roles, map_frame, standing, base_frame, is_top=is_top)
+        ends = (map_frame, standing) if is_top else (standing, map_frame)
+        has_scan = any(topic.type_name in ROLE_TYPES["scan"] for topic in reader.topics)
+        by_scans = ", which `are align` finds by the scans," * has_scan
         unknown = (
-            f"give the transform with {static_tf_option(map_frame, root)}, which `are align` finds"
-            " by the scans, or the map's frame with --map-frame"
+            f"give the transform with {static_tf_option(*ends)}{by_scans} or the map's frame with"
+            " --map-frame"
         )
         yield f"nothing joins {map_frame} to {base_frame}{others}: {known or unknown}"
 
@@ -413,6 +417,7 @@ def _turned_round(survey: FrameSurvey) -> Iterable[str]:
     in_tf = [edge for edge in survey.edges if edge.source != TransformSource.ODOMETRY]
     for given in in_tf:
         others = [edge.parent for edge in in_tf if edge.child == given.child and edge != given]
+        others = [other for other in others if other not in survey.connected_to(given.child)]
         if given.topics == (_GIVEN,) and others:
             yield (
                 f"{given.child} hangs below {others[0]} in the recording, so that it cannot hang"
@@ -422,10 +427,14 @@ def _turned_round(survey: FrameSurvey) -> Iterable[str]:
 
 
 def _rings(survey: FrameSurvey) -> Iterable[str]:
-    """Say which recorded transforms make a ring, so that there is no tree."""
+    """Say which recorded transforms make a ring, so that there is no tree.
+
+    Odometry makes none: where it would close one, tf holds.
+    """
     parents: dict[str, list[str]] = {}
     for edge in survey.edges:
-        if edge.topics != (_GIVEN,) and edge.parent != edge.child:
+        is_strong = edge.source != TransformSource.ODOMETRY and edge.topics != (_GIVEN,)
+        if is_strong and edge.parent != edge.child:
             parents.setdefault(edge.child, []).append(edge.parent)
     try:
         TopologicalSorter(parents).prepare()

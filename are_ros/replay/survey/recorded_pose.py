@@ -12,6 +12,7 @@ from are_ros.errors import AreError
 from are_ros.messages.common import read_header, read_pose
 from are_ros.parameters.model import Parameters
 from are_ros.replay.recorded_frames import FRAME_ROLES, RecordedFrames
+from are_ros.replay.survey.frame_survey import static_tf_option
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.transforms.tree import FrameTree
 
@@ -25,12 +26,19 @@ _NOT_OF_THE_ROBOT: Final = ("initialpose", "goal")
 
 
 def option_of_poses(
-    reader: BagReader, roles: RolesFound, map_frame: str, root: str, base_frame: str
+    reader: BagReader,
+    roles: RolesFound,
+    map_frame: str,
+    standing: str,
+    base_frame: str,
+    *,
+    is_top: bool = True,
 ) -> str:
-    """Return what `are replay` needs to know of map and root, with its numbers, "" for nothing.
+    """Return what `are replay` needs to know of the map's place, with its numbers, "" for nothing.
 
-    The root is that of the base's tree. One transform stands for the whole recording: that of the
-    middle one of the poses, said with its largest distance from the others.
+    `standing` is the frame of the base's tree that the map is to be joined to, and `is_top` whether
+    it has no parent, so that the map becomes it. One transform stands for the whole recording:
+    that of the middle one of the poses, said with its largest distance from the others.
     """
     topics = [
         topic.name
@@ -48,25 +56,26 @@ def option_of_poses(
         return ""
     tree = _frames(reader, roles)
     placed = [
-        (topic, pose, root_from_base)
+        (topic, pose, standing_from_base)
         for topic, stamp_ns, pose in poses
         if topic == poses[0][0]
-        and (root_from_base := tree.try_lookup(root, base_frame, stamp_ns)) is not None
+        and (standing_from_base := tree.try_lookup(standing, base_frame, stamp_ns)) is not None
     ]
     if not placed:
         return ""
-    topic, map_from_base, root_from_base = placed[len(placed) // 2]
-    found = map_from_base @ root_from_base.inverse()
+    topic, map_from_base, standing_from_base = placed[len(placed) // 2]
+    found = map_from_base @ standing_from_base.inverse()
     x_m, y_m, z_m = found.translation_m.tolist()
     found = RigidTransform.planar(x_m, y_m, found.yaw_rad(), z_m)
     off_m = max(
         float(np.linalg.norm((found @ there).translation_m - pose.translation_m))
         for _, pose, there in placed
     )
-    # zeros are added so that there is no -0
-    numbers = " ".join(f"{round(v, 4) + 0.0:g}" for v in (x_m, y_m, z_m, found.yaw_rad()))
+    given, ends = (found, (map_frame, standing))
+    if not is_top:
+        given, ends = (found.inverse(), (standing, map_frame))
     return (
-        f'{topic} tells it: give --static-tf "{numbers} 0 0 {map_frame} {root}", which is within'
+        f"{topic} tells it: give {static_tf_option(*ends, given.matrix())}, which is within"
         f" {off_m:.2f} m of all {len(placed)} poses"
     )
 

@@ -29,7 +29,14 @@ from are_ros.replay.timeline import ReplayOptions
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.scan_matching import PlanarPose, ScanCloud, ScanMatcher, wrapped
-from bags.simulation.making import RosbagsFactory, make_grid, make_scan, make_transforms
+from bags.simulation.making import (
+    OdometryReading,
+    RosbagsFactory,
+    make_grid,
+    make_odometry,
+    make_scan,
+    make_transforms,
+)
 
 RunAre = Callable[..., CompletedProcess[str]]
 WriteBag = Callable[[Path, list[tuple[str, int, Any]]], Path]
@@ -94,7 +101,7 @@ def transform(parent: str, child: str, stamp_ns: int, pose: PlanarPose, turn: An
 def small_bag(tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag) -> Callable[..., Path]:
     """Return a writer of a recording of a drive through the room, odom at (2, 1, 0.5) in it."""
 
-    def write(mount: Any = LEVEL) -> Path:
+    def write(mount: Any = LEVEL, *, is_turned: bool = False) -> Path:
         records: list[tuple[str, int, Any]] = [("/map", 0, make_grid(factory, room()))]
         mounted = transform("base", "laser", 0, PlanarPose(0.0, 0.0, 0.0), mount)
         records.append(("/tf_static", 0, make_transforms(factory, [mounted])))
@@ -103,6 +110,14 @@ def small_bag(tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag) -> C
             at = PlanarPose(1.0 + 0.2 * k, 0.8 + 0.05 * k, 0.1 * k)
             pose = map_from_odom.inverse().after(at)
             moved = transform("odom", "base", k * S, pose, None)
+            if is_turned:
+                there = RigidTransform.checked(moved.translation_m, moved.rotation_xyzw)
+                still = (0.0, 0.0, 0.0)
+                odometry = OdometryReading("odom", "base", k * S, there, still, still)
+                records.append(("/odom", k * S + 1, make_odometry(factory, odometry)))
+                back = there.inverse()
+                place, turn = back.translation_m.tolist(), back.rotation_xyzw.tolist()
+                moved = StampedTransform("base", "odom", k * S, tuple(place), tuple(turn))
             records.append(("/tf", k * S, make_transforms(factory, [moved])))
             scan = scan_of(room(), at, k * S, hangs=mount == ROLLED)
             records.append(("/scan", k * S + S // 10, make_scan(factory, scan)))
@@ -129,6 +144,17 @@ def test_map_to_odom_is_printed_ready_to_paste(
     again = run_are("align", bag, "--static-tf", option, "--out", picture)
     assert again.returncode == 1
     assert "hang together already" in again.stderr
+
+
+def test_odometry_that_tf_hangs_below_the_robot_takes_the_map(
+    run_are: RunAre, small_bag: Callable[..., Path], tmp_path: Path
+) -> None:
+    """As a legged robot's tf: the top of the tree walks, and the map cannot hang above it."""
+    done = run_are("align", small_bag(is_turned=True), "--out", tmp_path / "align.png")
+    assert done.returncode == 0, done.stdout + done.stderr
+    pose, frames = line_of(done)
+    assert frames == "odom map"
+    assert_near(pose.inverse(), 2.0, 1.0, 0.5)
 
 
 def test_a_picture_that_cannot_be_written_is_said_before_the_search(

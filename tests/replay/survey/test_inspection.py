@@ -475,7 +475,11 @@ def test_transforms_in_a_ring_are_told(
     """A tree has none, and which parent holds would be a matter of who came last."""
     with BagReader([complete]) as reader:
         records = [(m.topic, m.log_time_ns, reader.deserialize(m)) for m in reader.messages()]
-    back = [transform("base_link", "odom", S), transform("base_link", "odom", 2 * S)]
+    back = [
+        transform(*pair, second * S)
+        for second in (1, 2)
+        for pair in (("base_link", "odom"), ("odom", "base_link"))
+    ]
     records += [("/tf", t.stamp_ns, make_transforms(factory, [t])) for t in back]
     path = write_bag(tmp_path / "ring.mcap", sorted(records, key=lambda record: record[1]))
     (ring,) = inspected(path, map_frame="earth").missing
@@ -614,6 +618,58 @@ def test_odometry_of_a_part_needs_a_joint_that_stands(
         f' if that joint is rigid, turn it round with --static-tf "{given}"'
     )
     assert inspected(path, has_map_file=True, static_transforms=[given]).missing == ()
+
+
+@pytest.mark.parametrize("has_poses", [False, True])
+def test_the_map_hangs_below_odometry_that_tf_hangs_below_the_robot(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag, *, has_poses: bool
+) -> None:
+    """As a legged robot's tf: body -> odom and body -> vision; a map above the body would walk."""
+    records = [("/tf_static", 0, make_transforms(factory, [transform("body", "rail", 0)]))]
+    for k in range(40):
+        at_ns = k * S // 10
+        records.append(("/odom", at_ns, odometry(factory, at_ns, "body")))
+        turned = StampedTransform("body", "odom", at_ns, (-0.1 * k, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+        records.append(("/tf", at_ns, make_transforms(factory, [turned])))
+    if has_poses:
+        records += poses_on_the_map(factory, "/amcl_pose", "map", 2.0)
+    path = write_bag(tmp_path / "bag.mcap", sorted(records, key=lambda record: record[1]))
+    survey = inspected(path, has_map_file=True)
+    (said,) = survey.missing
+    assert survey.frames.oddities == (
+        "body -> odom is there in both directions; tf holds, not odometry",
+    )
+    assert survey.base_frame == "body"
+    # at 2 s the robot is 2 m ahead in odom: odom is at (2, 0) + turn (-2, 0) on the map
+    x_m, y_m = 2.0 - 2.0 * math.cos(0.5), -2.0 * math.sin(0.5)
+    inverse = RigidTransform.planar(x_m, y_m, 0.5).inverse()
+    x_m, y_m, _ = inverse.translation_m.round(4).tolist()
+    option = '--static-tf "X Y Z YAW PITCH ROLL odom map"'
+    if has_poses:
+        option = f'/amcl_pose tells it: give --static-tf "{x_m:g} {y_m:g} 0 -0.5 0 0 odom map"'
+    assert option in said
+    for given in ("0 0 0 0 0 0 odom map", "0 0 0 0 0 0 map odom"):
+        assert inspected(path, has_map_file=True, static_transforms=[given]).missing == ()
+
+
+def test_what_tf_moves_itself_is_no_part_that_odometry_tells_of(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """Wheels' odometry beside a filter's tf: the map is joined to the filter's frame."""
+    records = [("/tf_static", 0, make_transforms(factory, [transform("base_link", "laser", 0)]))]
+    for k in range(20):
+        at_ns = k * S // 10
+        records.append(("/odom", at_ns, odometry(factory, at_ns)))
+        pose = (0.1 * k, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
+        moved = StampedTransform("odom_combined", "base_link", at_ns, *pose)
+        records.append(("/tf", at_ns, make_transforms(factory, [moved])))
+    path = write_bag(tmp_path / "bag.mcap", records)
+    (said,) = inspected(path, has_map_file=True).missing
+    assert said == (
+        "nothing joins map to base_link, which hangs together with laser, odom_combined: give the"
+        ' transform with --static-tf "X Y Z YAW PITCH ROLL map odom_combined" or the map\'s frame'
+        " with --map-frame"
+    )
 
 
 def poses_on_the_map(
