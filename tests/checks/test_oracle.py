@@ -15,7 +15,7 @@ from are_ros.builder.costmap.registration import covered_cells
 from are_ros.builder.markers import DELETE_ALL, MarkerBatch, MarkerKind, MarkerLook
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.checks.marker_rules import change_of
-from are_ros.checks.oracle.frames import TF, Frames
+from are_ros.checks.oracle.frames import ODOMETRY, TF, Frames
 from are_ros.checks.oracle.plane import Outline, distances_m, overlap_depths_m
 from are_ros.checks.oracle.solids import Covers, RealMap, Walls
 from are_ros.errors import FrameError
@@ -305,6 +305,33 @@ def test_a_given_joint_is_turned_round_as_in_the_tree(first: str) -> None:
         theirs = tree.lookup(target, part, 5 * MS // 2).matrix()
         np.testing.assert_allclose(ours.rotation, theirs[:3, :3], atol=1e-9)
         np.testing.assert_allclose(ours.translation_m, theirs[:3, 3], atol=1e-9)
+
+
+@pytest.mark.parametrize("first", ["odometry", "tf"])
+@pytest.mark.parametrize("given", ["map odom", "odom map"])
+def test_a_pair_in_both_directions_is_that_of_the_tree(first: str, given: str) -> None:
+    """Odometry tells odom -> body, tf body -> odom, and they differ: which holds is said once."""
+    generator, tree, frames = np.random.default_rng(7), FrameTree(), Frames()
+    parent, child = given.split()
+    place = (1.0, 2.0, 0.0)
+    tree.set_static(parent, child, place, (0.0, 0.0, 0.0, 1.0), source=TransformSource.PARAMETER)
+    frames.add_given(f"1 2 0 0 0 0 {given}")
+    claims = [("odom", "body", ODOMETRY), ("body", "odom", TF)]
+    for k in range(6):
+        for parent, child, source in claims if first == "odometry" else claims[::-1]:
+            x, y, yaw = generator.normal(size=3).tolist()
+            turn = (0.0, 0.0, math.sin(yaw), math.cos(yaw))
+            stamp_ns = k * 100 * MS
+            frames.add(parent, child, stamp_ns, 0, (x, y, 0.0, *turn), source, is_static=False)
+            of = TransformSource(source)
+            tree.set_transform(parent, child, stamp_ns, (x, y, 0.0), turn, source=of)
+    for pair in (("map", "body"), ("body", "map")):
+        for stamp_ns in (100 * MS, 230 * MS, 500 * MS):
+            ours = frames.lookup(*pair, stamp_ns, KNOWN)
+            assert ours is not None
+            theirs = tree.lookup(*pair, stamp_ns).matrix()
+            np.testing.assert_allclose(ours.rotation, theirs[:3, :3], atol=1e-9)
+            np.testing.assert_allclose(ours.translation_m, theirs[:3, 3], atol=1e-9)
 
 
 def test_markers_are_decoded_as_they_were_encoded() -> None:

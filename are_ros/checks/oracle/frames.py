@@ -114,9 +114,11 @@ class Frames:
         if source in _OF_ODOMETRY:
             child, numbers = self._moved_by(parent, child, numbers)
         elif is_static:
-            for weaker in _OF_ODOMETRY:
-                if (old := self._edges.get(child, {}).get(weaker)) and old.parent != parent:
-                    del self._edges[child][weaker]
+            self._forget_odometry(parent, child)
+        pair = self._along_the_pair(parent, child, numbers, source)
+        if pair is None:
+            return
+        parent, child, numbers = pair
         edges = self._edges.setdefault(child, {})
         edge = edges.get(source)
         if edge is None or edge.parent != parent or edge.is_static != is_static:
@@ -171,11 +173,40 @@ class Frames:
         self._edges[parent] = others
         if not others:
             del self._edges[parent]
-        x, y, z, i, j, k, w = given.numbers[-1]
-        place = -(_pose((0.0, 0.0, 0.0, -i, -j, -k, w)).rotation @ (x, y, z))
-        numbers = (*place.tolist(), -i, -j, -k, w)
-        self.add(parent, child, 0, 0, numbers, PARAMETER, is_static=True)
+        self.add(parent, child, 0, 0, _turned(given.numbers[-1]), PARAMETER, is_static=True)
         return False
+
+    def _along_the_pair(
+        self, parent: str, child: str, numbers: tuple[float, ...], source: int
+    ) -> tuple[str, str, tuple[float, ...]] | None:
+        """Return an edge as it is to be taken where the pair is there the other way round.
+
+        A weaker one is left out (None), a stronger one takes its place; it is turned where it is as
+        strong, or its child has another parent.
+        """
+        edges = self._edges.get(parent, {})
+        reverse = max(edges, default=PARAMETER)
+        if source == PARAMETER or not edges or edges[reverse].parent != child:
+            return parent, child, numbers
+        if source < reverse:
+            return None
+        if source == reverse or child in self._edges:
+            return child, parent, _turned(numbers)
+        self._forget_turned(parent, child)
+        return parent, child, numbers
+
+    def _forget_odometry(self, parent: str, child: str) -> None:
+        """Forget odometry of a frame that a static transform hangs below another parent."""
+        edges = self._edges.pop(child, {})
+        kept = {of: e for of, e in edges.items() if of not in _OF_ODOMETRY or e.parent == parent}
+        if kept:
+            self._edges[child] = kept
+
+    def _forget_turned(self, parent: str, child: str) -> None:
+        """Forget the weaker edges of a pair that hang its parent below its child."""
+        kept = {of: edge for of, edge in self._edges.pop(parent).items() if edge.parent != child}
+        if kept:
+            self._edges[parent] = kept
 
     def has(self, frame: str) -> bool:
         """Tell whether a transform names this frame."""
@@ -248,6 +279,13 @@ def _composed(
             return None
         pose = step.after(pose)
     return pose
+
+
+def _turned(numbers: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the inverse of a pose's seven numbers."""
+    x, y, z, i, j, k, w = numbers
+    place = -(_pose((0.0, 0.0, 0.0, -i, -j, -k, w)).rotation @ (x, y, z))
+    return (*place.tolist(), -i, -j, -k, w)
 
 
 def _pose(numbers: tuple[float, ...]) -> Pose:
