@@ -1,11 +1,11 @@
 """The roles of topics: the inputs of the node, found among the topics of a recording."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Final
 
-from are_ros.bag.reader import BagTopic
+from are_ros.bag.reader import BagReader, BagTopic
 from are_ros.bag.recording import PREFIX
 from are_ros.bag.types import OCTOMAP_TYPE
 from are_ros.errors import BagError
@@ -68,9 +68,13 @@ class FoundRole:
 
 @dataclass(frozen=True)
 class RolesFound:
-    """The outcome for every role, in the order of `ROLE_TYPES`."""
+    """The outcome for every role, in the order of `ROLE_TYPES`.
+
+    `standing` are the frames of clouds that do not move with the robot, by topic.
+    """
 
     found: tuple[FoundRole, ...]
+    standing: Mapping[str, str] = field(default_factory=dict)
 
     def topic(self, role: str) -> str | None:
         """Return the name of the topic that plays a role, None if none does."""
@@ -96,13 +100,17 @@ class RolesFound:
         return tuple(entry.sentence for entry in said if entry.sentence)
 
 
-def find_roles(topics: Sequence[BagTopic], overrides: Mapping[str, str]) -> RolesFound:
+def find_roles(
+    topics: Sequence[BagTopic],
+    overrides: Mapping[str, str],
+    standing: Mapping[str, str] = MappingProxyType({}),
+) -> RolesFound:
     """Find a topic for each role: the override, else "/<role>", else the only one of its type.
 
     A topic that another role has by name is not considered. Where two roles share a type, the name
     decides ("octomap", "static"); centres of voxels go before octrees. Of several CameraInfo that
     beside the image is taken, else that beside the depth image. Topics without messages do not
-    count, nor do the node's own, unless an override names one.
+    count, nor do the node's own, nor clouds that are `standing`, unless an override names one.
     BagError for an override of an unknown role, with an absent topic, or one of another type.
     """
     chosen = {role: _overridden(topics, role, name) for role, name in overrides.items()}
@@ -114,6 +122,7 @@ def find_roles(topics: Sequence[BagTopic], overrides: Mapping[str, str]) -> Role
                 chosen[role] = default
     taken = {topic.name for topic in chosen.values()}
     free = [topic for topic in filled if topic.name not in taken]
+    moving = [topic for topic in free if topic.name not in standing]
     found: dict[str, FoundRole] = {}
     for role in ROLE_TYPES:
         if role in chosen:
@@ -121,9 +130,49 @@ def find_roles(topics: Sequence[BagTopic], overrides: Mapping[str, str]) -> Role
         else:
             images = [found[kind].topic for kind in ("image", "depth") if kind in found]
             beside = {camera_info_topic(one.name): one.name for one in images if one is not None}
-            found[role] = _by_type(role, topics, free, beside)
+            found[role] = _by_type(role, topics, moving if role == "points" else free, beside)
+    if found["points"].topic is None:
+        found["points"] = _without_standing(found["points"], free, standing)
     found["map"] = _with_updates(found["map"], filled)
-    return RolesFound(tuple(found.values()))
+    return RolesFound(tuple(found.values()), standing)
+
+
+def standing_clouds(reader: BagReader, map_frame: str) -> dict[str, str]:
+    """Return the frames of clouds that are in the map's or in one of odometry, by topic.
+
+    As clouds of a mapper, or of a costmap: no sensor is there, from which their rays would come.
+    """
+    filled = [topic for topic in reader.topics if topic.count > 0]
+    first = {topic.name: reader.first_object(topic.name) for topic in filled if _may_stand(topic)}
+    first = {name: one for name, one in first.items() if hasattr(one, "header")}
+    told = [one for one in first.values() if getattr(one, "child_frame_id", "")]
+    frames = {map_frame.lstrip("/"), *(one.header.frame_id.lstrip("/") for one in told)}
+    frames -= {"", *(one.child_frame_id.lstrip("/") for one in told)}
+    clouds = {name: one for name, one in first.items() if not hasattr(one, "child_frame_id")}
+    placed = {name: one.header.frame_id.lstrip("/") for name, one in clouds.items()}
+    return {name: frame for name, frame in placed.items() if frame in frames}
+
+
+def _may_stand(topic: BagTopic) -> bool:
+    """Return whether a topic has clouds, or odometry, which tells where clouds stand."""
+    types = (SENSORS["points"].type_name, *ROLE_TYPES["odom"])
+    return topic.type_name in types and PREFIX not in topic.name
+
+
+def _without_standing(
+    points: FoundRole, free: Iterable[BagTopic], standing: Mapping[str, str]
+) -> FoundRole:
+    """Return the role of clouds, whose sentence tells of those that no sensor sent."""
+    left = [t.name for t in free if t.name in standing and _suits("points", t)]
+    if not left:
+        return points
+    are, they_are = ("is", "it is") if len(left) == 1 else ("are", "they are")
+    frames = listed(sorted({standing[name] for name in left}))
+    said = (
+        f"points: {listed(left)} {are} not taken: {they_are} in {frames}, where no sensor is from"
+        " which the rays could come"
+    )
+    return replace(points, sentence="; ".join(filter(None, (points.sentence, said))))
 
 
 def _with_updates(real_map: FoundRole, filled: Iterable[BagTopic]) -> FoundRole:
@@ -147,7 +196,7 @@ def left_as_they_are(
     """
     named = {**dict.fromkeys(BY_NAME, ()), **named}
     players = {role: tuple(named.get(role, roles.by_topic((role,)))) for role in ROLE_TYPES}
-    used = {topic for of_role in players.values() for topic in of_role}
+    used = {topic for of_role in players.values() for topic in of_role} | roles.standing.keys()
     free = [t for t in topics if t.count and t.name not in used and PREFIX not in t.name]
     for role, kind in SENSORS.items():
         left = [topic.name for topic in free if topic.type_name == kind.type_name]

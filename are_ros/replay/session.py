@@ -18,7 +18,12 @@ from are_ros.bag.roles import (
     RolesFound,
     find_roles,
     left_as_they_are,
+<<<<<<< HEAD
     named_sensors,
+=======
+    slashed,
+    standing_clouds,
+>>>>>>> a991e37a (Roles: clouds in the frame of the map or of odometry are no readings of a sensor)
 )
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
@@ -107,7 +112,8 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
     stopwatch = Stopwatch()
     with BagReader(options.bags) as reader:
         with stopwatch.phase("start_up"):
-            roles = find_roles(reader.topics, options.topics)
+            clouds = standing_clouds(reader, options.parameters.frames.map)
+            roles = find_roles(reader.topics, options.topics, clouds)
             _say_what_is_missing(options, reader, roles, say)
             timeline = Timeline.of(reader, options, roles)
             options = _adapted(options, timeline)

@@ -242,3 +242,25 @@ def test_changes_of_the_map_that_nobody_applies_are_told() -> None:
     assert "; map: /costmap_updates is not applied" in sentence
     assert find_roles(topics(map=grid, costmap_updates=update), {}).sentences() == ()
     assert find_roles(topics(map_updates=update), {}).topic("map") is None
+
+
+def test_clouds_where_no_sensor_is_are_told_apart() -> None:
+    """As those of a mapper, and of a costmap; only a choice of the user takes them."""
+    standing = {"/cloud_map": "map", "/voxels": "odom"}
+    mapped = topics(cloud_map=CLOUD, voxels=CLOUD)
+    roles = find_roles(mapped, {}, standing)
+    assert roles.topic("points") is None
+    assert roles.to_choose(["points"]) == ()
+    (said,) = roles.sentences()
+    assert said == (
+        "points: /cloud_map and /voxels are not taken: they are in map and odom, where no sensor is"
+        " from which the rays could come"
+    )
+    lidar = [*mapped, *topics(velodyne=CLOUD)]
+    roles = find_roles(lidar, {}, standing)
+    assert roles.topic("points") == "/velodyne"
+    assert list(left_as_they_are(lidar, roles, {})) == []
+    assert find_roles(lidar, {"points": "/voxels"}, standing).topic("points") == "/voxels"
+    centres = find_roles(topics(octomap_centers=CLOUD), {}, {"/octomap_centers": "map"})
+    assert centres.topic("octomap_point_cloud_centers") == "/octomap_centers"
+    assert len(centres.sentences()) == 1

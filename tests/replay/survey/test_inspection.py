@@ -526,6 +526,26 @@ def test_range_sensors_are_augmented_by_name_only(
     assert ["range", "/range"] in [line.split() for line in inspection_lines(chosen)]
 
 
+@pytest.mark.parametrize(("frame", "is_sensor"), [("map", False), ("odom", False), ("laser", True)])
+def test_a_cloud_in_the_frame_of_the_map_or_of_odometry_is_no_reading(
+    complete: Path,
+    tmp_path: Path,
+    factory: RosbagsFactory,
+    write_bag: WriteBag,
+    *,
+    frame: str,
+    is_sensor: bool,
+) -> None:
+    """As scans matched to the map, and marked voxels: their rays would begin at its origin."""
+    with BagReader([complete]) as reader:
+        records = [(m.topic, m.log_time_ns, reader.deserialize(m)) for m in reader.messages()]
+    cloud = factory.make("sensor_msgs/msg/PointCloud2", header=make_header(factory, frame, S))
+    path = write_bag(tmp_path / "cloud.mcap", [*records, ("/matched", S, cloud)])
+    roles = inspected(path).roles
+    assert roles.topic("points") == ("/matched" if is_sensor else None)
+    assert any(f"it is in {frame}, where no sensor is" in s for s in roles.sentences()) != is_sensor
+
+
 def test_messages_without_a_frame_are_told(
     complete: Path, tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
 ) -> None:
