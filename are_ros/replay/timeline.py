@@ -1,6 +1,6 @@
 """The options of a replay, and the topics and times of the recording that it reads."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -76,31 +76,43 @@ class SubstituteInfo:
     """Images without a CameraInfo on `beside`, and the topics of those that fit them.
 
     These have the frame and the size of the first image. Of several with the same lens one counts.
+    `given` are the entries of `sensors.camera_infos` for this and for all other such images, and
+    those that are there: one option has them all.
     """
 
     images: str
     beside: str
     fitting: tuple[str, ...]
+    given: tuple[str, ...] = ()
 
     @property
     def chosen(self) -> str:
         """The topic that is taken, "" without one or with several."""
         return self.fitting[0] if len(self.fitting) == 1 else ""
 
+    @property
+    def entry(self) -> str:
+        """What `sensors.camera_infos` says of the images: the first that fits, else a blank."""
+        return f"{self.images}{INFO_MARK}{self.fitting[0] if self.fitting else '/NAME'}"
+
     def sentence(self) -> str:
         """Return what is taken, or what the user can do."""
         said = f"{self.images} has no CameraInfo beside it, on {self.beside}: "
         if self.chosen:
             return f"{said}{self.chosen} is taken, which has its frame and size"
-        name = self.fitting[0] if self.fitting else "/NAME"
-        option = f'--set "sensors.camera_infos:=[{self.images}{INFO_MARK}{name}]"'
+        option = f'--set "sensors.camera_infos:=[{", ".join(self.given or (self.entry,))}]"'
         if self.fitting:
             return f"{said}it may be {' or '.join(self.fitting)}; {option} takes the first"
         return f"{said}it is not augmented; {option} takes one from elsewhere"
 
 
-def substitute_infos(reader: BagReader, lenses: Mapping[str, str]) -> list[SubstituteInfo]:
-    """Return what there is for the images that have no CameraInfo on the topics `lenses`."""
+def substitute_infos(
+    reader: BagReader, lenses: Mapping[str, str], given: Iterable[str] = ()
+) -> list[SubstituteInfo]:
+    """Return what there is for the images that have no CameraInfo on the topics `lenses`.
+
+    `given` are the entries of `sensors.camera_infos`.
+    """
     infos = [t.name for t in reader.topics if t.type_name == CAMERA_INFO_TYPE and t.count > 0]
     found = []
     for images, beside in lenses.items():
@@ -117,7 +129,8 @@ def substitute_infos(reader: BagReader, lenses: Mapping[str, str]) -> list[Subst
                 if (view.width, view.height) == size_of(first):
                     fitting.setdefault(lens, name)
         found.append(SubstituteInfo(images, beside, tuple(fitting.values())))
-    return found
+    entries = (*given, *(one.entry for one in found if not one.chosen))
+    return [replace(one, given=entries) for one in found]
 
 
 def _frame_of(message: Any) -> str:
@@ -150,7 +163,9 @@ class Timeline:
         Raises BagError where the window holds nothing that moves, or a scan topic is absent.
         """
         role_of_topic = topics_to_read(reader, options, roles)
-        infos = substitute_infos(reader, lens_topics(role_of_topic, options.parameters.sensors))
+        of_sensors = options.parameters.sensors
+        lenses = lens_topics(role_of_topic, of_sensors)
+        infos = substitute_infos(reader, lenses, of_sensors.camera_infos)
         for info in filter(None, (one.chosen for one in infos)):
             role_of_topic.setdefault(info, CAMERA_INFO)
         reader.expect(types_of(role_of_topic))

@@ -749,5 +749,11 @@ def test_a_depth_image_without_its_camera_info_is_said(
     bare = write_bag(tmp_path / "bare.mcap", [(topic, 0, image)])
     option = f'--set "sensors.camera_infos:=[{topic}:=/NAME]" takes one from elsewhere'
     assert f"{sentence}; {option}" in inspected(bare).missing
+    other = "/e/depth/compressedDepth"
+    two = write_bag(tmp_path / "two.mcap", [(topic, 0, image), (other, 0, image)])
+    sensors = {"depth": (topic, other)}
+    said = [text for text in inspected(two, sensors=sensors).missing if "beside" in text]
+    option = f'--set "sensors.camera_infos:=[{topic}:=/NAME, {other}:=/NAME]"'  # one has them all
+    assert [option in text for text in said] == [True, True]
     both = write_bag(tmp_path / "both.mcap", [(topic, 0, image), ("/d/camera_info", 1, info)])
     assert not [said for said in inspected(both).missing if "beside" in said]
