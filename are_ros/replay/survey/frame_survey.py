@@ -123,6 +123,15 @@ class FrameSurvey:
         parents = {child: parent for parent, child, _ in self._in_force()}
         return any(above in moved for above in chain_above(frame, parents))
 
+    def stands_on(self, frame: str, base: str) -> bool:
+        """Return whether static transforms alone join a base to a frame."""
+        edges = self._in_force()
+        parents = {child: parent for parent, child, _ in edges}
+        static = {edge.child for edge in _strongest(self.edges) if edge.is_static}
+        way = set(chain_above(base, parents)) ^ set(chain_above(frame, parents))
+        above = {child for child in way if child in parents}
+        return frame in self.connected_to(base) and above <= static
+
     def moving_beside(self, frame: str) -> str:
         """Return the frame that moves in another tree, where nothing above `frame` does; or ""."""
         return moving_beside(frame, self._in_force())

@@ -129,8 +129,7 @@ def inspect_bag(
     `overrides` are the user's topics by role, `sensors` all topics of each sensor's role. BagError
     as `find_roles` and the reader, ParameterError as `parse_static_transforms` and `lens_topics`.
     """
-    standing = standing_clouds(reader, map_frame)
-    roles = find_roles(reader.topics, overrides or {}, standing)
+    roles = find_roles(reader.topics, overrides or {}, standing_clouds(reader, map_frame))
     named = {topic: role for role, topics in sensors.items() for topic in topics}
     for topic, role in named.items():
         find_roles(reader.topics, {role: topic})  # refuses what is of another type
@@ -157,7 +156,8 @@ def inspect_bag(
     placed = survey.connected_to(map_frame)
     cameras = {frame_ids.get(topic, "") for topic in _camera_topics(role_of_topic)}
     upwards = upward_cameras(recorded.tree, base_frame, cameras) if base_frame else []
-    survey = replace(survey, oddities=(*survey.oddities, *upwards))
+    standing = _standing(survey, map_frame, base_frame)
+    survey = replace(survey, oddities=(*survey.oddities, *upwards, *standing))
     readings = _first_readings(reader, role_of_topic)
     lenses = lens_topics(role_of_topic, parameters.sensors)
     refuse_absent_infos(reader, parameters.sensors)
@@ -412,6 +412,15 @@ def _missing_pose(
             " --map-frame"
         )
         yield f"nothing joins {map_frame} to {base_frame}{others}: {known or unknown}"
+
+
+def _standing(survey: FrameSurvey, map_frame: str, base_frame: str) -> Iterable[str]:
+    """Say if nothing in the recording moves the robot, as where its odometry was not recorded."""
+    if base_frame and survey.stands_on(map_frame, base_frame):
+        yield (
+            f"static transforms alone join {base_frame} to {map_frame}: the robot stands still in a"
+            " replay; if it drove, its odometry or the /tf of its localization is missing"
+        )
 
 
 def _turned_round(survey: FrameSurvey) -> Iterable[str]:

@@ -692,6 +692,21 @@ def test_what_tf_moves_itself_is_no_part_that_odometry_tells_of(
     )
 
 
+def test_a_robot_that_nothing_moves_is_told(
+    complete: Path, tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """Its laser may be on a robot that drove: without odometry nobody knows."""
+    static = [transform("map", "odom", 0), transform("odom", "base_link", 0)]
+    records = [("/tf_static", 0, make_transforms(factory, static)), ("/scan", S, scan(factory, S))]
+    bare = inspected(write_bag(tmp_path / "still.mcap", records), has_map_file=True)
+    (said,) = bare.frames.oddities
+    assert said == (
+        "static transforms alone join base_link to map: the robot stands still in a replay;"
+        " if it drove, its odometry or the /tf of its localization is missing"
+    )
+    assert inspected(complete, map_frame="earth").frames.oddities == ()
+
+
 def poses_on_the_map(
     factory: RosbagsFactory,
     topic: str,
