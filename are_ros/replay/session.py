@@ -18,12 +18,8 @@ from are_ros.bag.roles import (
     RolesFound,
     find_roles,
     left_as_they_are,
-<<<<<<< HEAD
     named_sensors,
-=======
-    slashed,
     standing_clouds,
->>>>>>> a991e37a (Roles: clouds in the frame of the map or of odometry are no readings of a sensor)
 )
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
