@@ -139,12 +139,12 @@ class BoxPositions:
         first_ns = (earlier.stamp_ns // step_ns + 1) * step_ns
         went_s = (min(stamp_ns, first_ns) - earlier.stamp_ns) / NS_PER_S
         start = _position(earlier, i) + went_s * np.append(earlier.rates[i], 0.0)
-        if stamp_ns <= first_ns:
+        number = int(earlier.ids[i])
+        jumped_m = self._jumped_m(number, earlier.stamp_ns, stamp_ns)
+        if stamp_ns < first_ns or (stamp_ns == first_ns and not jumped_m):
             return [_box(earlier, i, start, 0.0)]
         speeds = self._fastest[earlier.labels[i]]
         since_ns, span_ns = stamp_ns - first_ns, later.stamp_ns - first_ns
-        number = int(earlier.ids[i])
-        jumped_m = self._jumped_m(number, earlier.stamp_ns, stamp_ns)
         if j is None:
             return [_box(earlier, i, start, jumped_m + _reach_m(earlier, i, speeds, since_ns))]
         end, left_ns = _position(later, j), span_ns - since_ns
