@@ -479,6 +479,8 @@ def _finite_points(
     points = points.astype(np.float64 if points.dtype.itemsize > 4 else np.float32, copy=False)
     finite = np.isfinite(points[:, 0]) & np.isfinite(points[:, 1]) & np.isfinite(points[:, 2])
     kept = points if finite.all() else points[finite]
+    if not len(points):
+        raise InputError(f"{source}: there is no occupied voxel in it")
     if not len(kept):
         raise InputError(f"{source}: no finite point among {len(points)}")
     return np.ascontiguousarray(kept)

@@ -13,6 +13,7 @@ from are_ros.checks.oracle.solids import Cloud
 from are_ros.checks.record import Record
 from are_ros.checks.result import CheckResult, Outcome
 from are_ros.checks.sensors.octomap import check_octomap, met_voxels
+from are_ros.checks.sensors.scans import KnownWalls
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
@@ -72,6 +73,22 @@ def test_what_cannot_be_known_is_skipped() -> None:
     certain = judged(FLOOR, {"certainty.enabled": True, "costmap.gate": "perceived"})
     assert certain.outcome is Outcome.SKIPPED
     assert "markers that are meshes" in judged(FLOOR, {"sensors.shape": "mesh"}).sentence()
+
+
+def test_why_walls_are_not_known_is_said() -> None:
+    """An octomap that changes is in the recording; one in another frame is told by the frame."""
+    one, other = Cloud(FLOOR, "map", 0), Cloud(FLOOR[1:], "map", NS_PER_S)
+    leaves = np.array([(0.05, 0.05, 0.05), (0.15, 0.15, 0.15), (0.3, 0.3, 0.3)])
+    for clouds, said in (
+        ([], "that is not in the recording"),
+        ([one, other], "the octomap changed: there are 2 in the recording"),
+        ([Cloud(FLOOR, "odom", 0)], "in the frame 'odom', not the map's"),
+        ([Cloud(leaves, "map", 0)], "no lattice of voxels of one size"),
+        ([one], ""),
+    ):
+        record = Record(with_values(Parameters(), {}), walls="octomap", clouds=clouds)
+        doubt = KnownWalls(record).doubt
+        assert said in doubt if said else not doubt
 
 
 def test_voxels_of_a_triangle_are_those_of_its_points() -> None:

@@ -15,7 +15,12 @@ from are_ros.builder.costmap.registration import covered_cells
 from are_ros.builder.markers import DELETE_ALL, MarkerBatch, MarkerKind, MarkerLook
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.checks.marker_rules import change_of
+<<<<<<< HEAD
 from are_ros.checks.oracle.frames import ODOMETRY, TF, Frames
+=======
+from are_ros.checks.oracle.frames import TF, Frames
+from are_ros.checks.oracle.inflation import Costs, Inflation
+>>>>>>> 726abfc1 (Octrees of messages end with their data; are check tells a changing octomap from a missing one)
 from are_ros.checks.oracle.plane import Outline, distances_m, overlap_depths_m
 from are_ros.checks.oracle.solids import Covers, RealMap, Walls
 from are_ros.errors import FrameError
@@ -42,6 +47,14 @@ def make_boxes(count: int, seed: int) -> tuple[OrientedBoxes, Scene]:
     ids, zeros = np.arange(count), np.zeros(count, np.int64)
     scene = Scene(0, 0, "map", ids, centres, yaws, halves, zeros, zeros, ())
     return OrientedBoxes(centres, yaws, halves), scene
+
+
+def test_a_tiny_free_map_costs_nothing() -> None:
+    """Without an obstacle no distance is small, however few cells there are."""
+    for shape in ((1, 1), (3, 2), (40, 40)):
+        real = RealMap(np.zeros(shape, np.int8), 0.05, (0.0, 0.0, 0.0), 0.0, "map")
+        costs = Costs(radius_m=0.7, scaling=3.0, inscribed_m=0.22)
+        assert not Inflation(real, costs, 65, 25).static_high.any(), shape
 
 
 @pytest.mark.parametrize("is_cloud", [True, False])

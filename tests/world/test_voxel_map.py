@@ -247,7 +247,7 @@ def test_points_that_are_not_finite_are_dropped() -> None:
         (np.zeros((1, 3)), None, "set world.voxel_size"),
         (np.zeros((7, 3)), None, "set world.voxel_size"),
         (np.random.default_rng(0).random((50, 3)), None, "set world.voxel_size"),
-        (np.zeros((0, 3)), 0.1, "no finite point"),
+        (np.zeros((0, 3)), 0.1, "there is no occupied voxel in it"),
         (np.zeros((4, 2)), 0.1, r"not \(N, 3\)"),
         (np.zeros((1, 3)), 0.0, "positive length"),
         (np.zeros((1, 3)), -1.0, "positive length"),

@@ -47,6 +47,7 @@ class Inflation:
         self._radius = min(self._radius, sum(real.cells.shape))
         distances_m = np.sqrt(np.arange((self._radius + 2) ** 2)) * real.resolution_m
         self._low, self._high = (costs.at(distances_m * (1.0 + s)) for s in (_SLACK, -_SLACK))
+        self._low[-1] = self._high[-1] = 0  # stands for all that is farther, on a tiny map, too
         occupied = real.cells >= occupied_threshold
         self._unknown = ~occupied & ((real.cells < 0) | (real.cells > free_threshold))
         squares = self._squares(occupied)

@@ -433,12 +433,21 @@ class KnownWalls:
             self.doubt = "a live recording does not tell what the node knew when it augmented it"
         elif record.walls not in {"map", "octomap"}:
             self.doubt = "it is not known whether the walls are those of the map or an octomap's"
-        elif record.walls == "octomap" and len(record.clouds) != 1:
-            self.doubt = "the walls are those of an octomap that is not in the recording"
-        elif record.walls == "octomap" and self._of_cloud(record.clouds[0]) is None:
-            self.doubt = "the octomap is no lattice of voxels of one size, or in another frame"
+        elif record.walls == "octomap":
+            self.doubt = self._doubt_about_clouds(record)
         elif record.walls == "map" and not record.maps:
             self.doubt = record.why_no_map()
+
+    def _doubt_about_clouds(self, record: Record) -> str:
+        if not record.clouds:
+            return "the walls are those of an octomap that is not in the recording"
+        if len(record.clouds) > 1:
+            return f"the octomap changed: there are {len(record.clouds)} in the recording"
+        if record.clouds[0].frame_id != record.settings.frames.map:
+            return f"the octomap is in the frame '{record.clouds[0].frame_id}', not the map's"
+        if self._of_cloud(record.clouds[0]) is None:
+            return "the octomap is no lattice of voxels of one size, or of world.voxel_size"
+        return ""
 
     def at(self, time_ns: int) -> Walls | None:
         """Return the walls; None where they are not known for sure, as they have just changed."""

@@ -36,6 +36,7 @@ _NODES: Final = {
     for name, other in (("OcTree", 0), ("ColorOcTree", 3))
 }
 """The nodes of a full tree by its type: the octree of colours has three bytes of colour."""
+_WORD_BYTES: Final = 2
 _WHOLE, _TRUNCATED, _TOO_DEEP = 0, 1, 2
 
 
@@ -160,12 +161,13 @@ def _occupied_leaves(source: str, data: bytes, header: OctreeHeader) -> npt.NDAr
     walk: _Walk = partial(_walk, np.frombuffer(data, np.uint8))
     if header.is_full:
         walk = _full_walk(source, data, header)
-    status, nodes, count = walk(none)
+    status, nodes, count, read = walk(none)
     if status == _TRUNCATED:
         raise MapError(f"{source}: the octomap's data are truncated, {len(data)} bytes are too few")
     if status == _TOO_DEEP:
         message = f"{source}: the octomap's data are corrupt, deeper than {_TREE_DEPTH} levels"
         raise MapError(message)
+    _check_rest(source, len(data), read, header)
     if header.node_count not in (None, nodes):
         counted = header.node_count
         message = f"{source}: the octomap holds {nodes} nodes, but its size says {counted}"
@@ -175,8 +177,23 @@ def _occupied_leaves(source: str, data: bytes, header: OctreeHeader) -> npt.NDAr
     return leaves
 
 
-_Walk = Callable[[npt.NDArray[np.int64]], tuple[int, int, int]]
-"""Walks a tree depth first; returns status, nodes and occupied leaves, storing what fits."""
+def _check_rest(source: str, size: int, read: int, header: OctreeHeader) -> None:
+    """Refuse a tree that ends before its data, where nobody counted its nodes."""
+    rest = size - read * (_NODES[header.tree_type].itemsize if header.is_full else _WORD_BYTES)
+    if header.node_count is None and rest:
+        kinds = ("binary", "full") if not header.is_full else ("full", "binary")
+        message = (
+            f"{source}: the octomap's data are corrupt: its tree, read as a {kinds[0]} one, ends"
+            f" {rest} bytes before them; is it a {kinds[1]} one, or of another type?"
+        )
+        raise MapError(message)
+
+
+_Walk = Callable[[npt.NDArray[np.int64]], tuple[int, int, int, int]]
+"""Walks a tree depth first; returns status, nodes and occupied leaves, storing what fits.
+
+And how many records it read: of a full tree its nodes, of a binary one the inner nodes' words.
+"""
 
 
 def _full_walk(source: str, data: bytes, header: OctreeHeader) -> _Walk:
@@ -196,7 +213,7 @@ def _walk_full(
     is_occupied: npt.NDArray[np.uint8],
     children: npt.NDArray[np.uint8],
     leaves: npt.NDArray[np.int64],
-) -> tuple[int, int, int]:
+) -> tuple[int, int, int, int]:
     """Walk a full tree, whose nodes (N,) are in depth-first order, the root first.
 
     Bit i of a node's children says that there is child i; a node without any is a leaf. Bits 0, 1,
@@ -208,7 +225,7 @@ def _walk_full(
     nodes, count, depth = 0, 0, 0
     while True:
         if nodes == children.shape[0]:
-            return _TRUNCATED, nodes, count
+            return _TRUNCATED, nodes, count, nodes
         level = _TREE_DEPTH - depth
         unread[depth] = children[nodes]
         if unread[depth] == 0 and is_occupied[nodes]:
@@ -219,10 +236,10 @@ def _walk_full(
         nodes += 1
         while unread[depth] == 0:
             if depth == 0:
-                return _WHOLE, nodes, count
+                return _WHOLE, nodes, count, nodes
             depth -= 1
         if depth == _TREE_DEPTH:
-            return _TOO_DEEP, nodes, count
+            return _TOO_DEEP, nodes, count, nodes
         number = 0
         while unread[depth] >> number & 1 == 0:
             number += 1
@@ -234,7 +251,7 @@ def _walk_full(
 
 
 @compiled
-def _walk(codes: npt.NDArray[np.uint8], leaves: npt.NDArray[np.int64]) -> tuple[int, int, int]:
+def _walk(codes: npt.NDArray[np.uint8], leaves: npt.NDArray[np.int64]) -> tuple[int, int, int, int]:
     """Walk a binary tree.
 
     A node is two bytes, two bits a child: 0 unknown, 1 free leaf, 2 occupied leaf, 3 inner node;
@@ -245,7 +262,7 @@ def _walk(codes: npt.NDArray[np.uint8], leaves: npt.NDArray[np.int64]) -> tuple[
     word = np.zeros(_TREE_DEPTH + 1, dtype=np.int64)
     child = np.zeros(_TREE_DEPTH + 1, dtype=np.int64)
     if codes.shape[0] < 2:
-        return _TRUNCATED, 0, 0
+        return _TRUNCATED, 0, 0, 0
     word[0] = np.int64(codes[0]) | np.int64(codes[1]) << 8
     position, nodes, count, depth = 2, 1, 0, 0
     while depth >= 0:
@@ -269,15 +286,15 @@ def _walk(codes: npt.NDArray[np.uint8], leaves: npt.NDArray[np.int64]) -> tuple[
             count += 1
         elif code == 3:
             if level == 0:
-                return _TOO_DEEP, nodes, count
+                return _TOO_DEEP, nodes, count, position // 2
             if position + 2 > codes.shape[0]:
-                return _TRUNCATED, nodes, count
+                return _TRUNCATED, nodes, count, position // 2
             depth += 1
             corner[depth, 0], corner[depth, 1], corner[depth, 2] = x, y, z
             word[depth] = np.int64(codes[position]) | np.int64(codes[position + 1]) << 8
             child[depth] = 0
             position += 2
-    return _WHOLE, nodes, count
+    return _WHOLE, nodes, count, position // 2
 
 
 def _expanded(

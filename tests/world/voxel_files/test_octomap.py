@@ -15,7 +15,7 @@ from are_ros.errors import MapError
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_files import octomap
 from are_ros.world.voxel_files.clouds import MAX_CENTRES
-from are_ros.world.voxel_files.octomap import read_octomap_file
+from are_ros.world.voxel_files.octomap import OctreeHeader, read_octomap_file, read_octree
 from are_ros.world.voxel_map import VoxelMap
 
 HEADER = "# Octomap OcTree binary file\n# more words\nid OcTree\nsize {}\nres {}\ndata\n"
@@ -339,3 +339,19 @@ def test_a_real_octomap_is_the_same_as_a_full_tree(tmp_path: Path, real_data: Pa
     expected, _ = read_octomap_file(path)
     assert size == 0.08
     assert {*map(tuple, centres.tolist())} == {*map(tuple, expected.tolist())}
+
+
+def test_data_of_a_message_that_outlast_the_tree_are_refused() -> None:
+    """A message counts no nodes; of a full tree that is called binary the walk ends too early."""
+    leaf, root = struct.pack("<fB", 2.0, 0), struct.pack("<fB", 2.0, 1)
+    full = root + b"".join(struct.pack("<fB", 2.0, 1) for _ in range(15)) + leaf
+    binary = b"\x03\0" * 15 + b"\x02\0"
+    for data, is_full in ((full, True), (binary, False)):
+        assert len(read_octree("octomap", data, OctreeHeader("OcTree", is_full, 0.1))) == 1
+    for data, is_full, said in (
+        (full, False, "read as a binary one, ends 83 bytes before them; is it a full one"),
+        (full + b"1234", True, "read as a full one, ends 4 bytes before them; is it a binary one"),
+        (binary + b"\0\0\0", False, "ends 3 bytes before them"),
+    ):
+        with pytest.raises(MapError, match=said):
+            read_octree("octomap", data, OctreeHeader("OcTree", is_full, 0.1))
