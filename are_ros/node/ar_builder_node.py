@@ -24,7 +24,13 @@ from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.parameters import ParameterBridge
 from are_ros.node.qos import advertise
 from are_ros.node.services import Services
-from are_ros.node.topics import Publishers, Subscriptions, WireDecoding, WireMessage
+from are_ros.node.topics import (
+    Publishers,
+    Subscriptions,
+    WireDecoding,
+    WireMessage,
+    with_full_names,
+)
 from are_ros.node.watches import GRACE_S, CallbackTimer, Lasting, Watchdog
 from are_ros.parameters.choices import OnRobotContact
 from are_ros.parameters.model import Parameters
@@ -188,6 +194,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             )
 
     def _configure(self, parameters: Parameters) -> None:
+        parameters = with_full_names(self, parameters)
         catalogue = self._catalogue = catalogue_of(parameters)
         _check_for(catalogue, parameters)
         self.get_logger().info("preparing the kernels (a minute or two the first time)")
@@ -356,7 +363,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
     def _reconfigure(self, values: Parameters) -> None:
         if self.live is not None:
             with self._turn("parameters"):
-                values = with_contact_policy(values, _ON_CONTACT)
+                values = with_full_names(self, with_contact_policy(values, _ON_CONTACT))
                 self.live.reconfigure(values, self.now_ns())
                 self._work()
 

@@ -14,7 +14,13 @@ from rclpy.serialization import deserialize_message
 
 from are_ros.errors import InputError, NodeError, ParameterError
 from are_ros.messages.feed import OTHER_CAMERA
-from are_ros.messages.sensors import CAMERA_INFO, SENSORS, SensorOutputs, lens_topics
+from are_ros.messages.sensors import (
+    CAMERA_INFO,
+    CAMERA_INFO_TYPE,
+    SENSORS,
+    SensorOutputs,
+    lens_topics,
+)
 from are_ros.messages.tick_encoding import OUTPUTS, OutputTopic
 from are_ros.messages.transforms import (
     OdometryNumbers,
@@ -34,7 +40,9 @@ from are_ros.node.qos import (
     subscribe,
 )
 from are_ros.node.watches import InputSnapshot, InputWatch
-from are_ros.parameters.model import SensorsParameters
+from are_ros.parameters.declaration import with_values
+from are_ros.parameters.model import INFO_MARK, Parameters, SensorsParameters
+from are_ros.parameters.validation import validated
 
 # Messages as DDS delivers them, and their decoding.
 
@@ -114,7 +122,8 @@ class Subscriptions:
             for role, topic in asked:
                 self._open(role, topic, say)
             for topic in lens_topics(self.roles, sensors).values():
-                if self._resolved(topic) not in self.roles:
+                known = self.roles.get(self._resolved(topic))
+                if known is None or INPUTS[known].type_name != CAMERA_INFO_TYPE:
                     self._open(CAMERA_INFO, topic, say)
         except BaseException:
             self.close()
@@ -215,12 +224,26 @@ class Subscriptions:
         return subscribe(self._node, role, take, topic, **options)
 
     def _resolved(self, topic: str) -> str:
-        """Return the full name of a topic; ParameterError if it is none."""
-        try:
-            return str(self._node.resolve_topic_name(topic))
-        except RuntimeError as cause:  # RCLError
-            reason = str(cause).partition(", at /")[0].rpartition("failed to resolve name: ")[2]
-            raise ParameterError(f"'{topic}' cannot be a topic: {reason}") from cause
+        return full_name(self._node, topic)
+
+
+def with_full_names(node: Node, parameters: Parameters) -> Parameters:
+    """Return parameters whose `sensors.camera_infos` have the full names of topics, as roles have.
+
+    ParameterError where one is no name of a topic, or images are given twice.
+    """
+    infos = parameters.sensors.info_by_image.items()
+    names = [f"{full_name(node, one)}{INFO_MARK}{full_name(node, info)}" for one, info in infos]
+    return validated(with_values(parameters, {"sensors.camera_infos": names}))
+
+
+def full_name(node: Node, topic: str) -> str:
+    """Return the full name of a topic; ParameterError if it is none."""
+    try:
+        return str(node.resolve_topic_name(topic))
+    except RuntimeError as cause:  # RCLError
+        reason = str(cause).partition(", at /")[0].rpartition("failed to resolve name: ")[2]
+        raise ParameterError(f"'{topic}' cannot be a topic: {reason}") from cause
 
 
 # The outputs.

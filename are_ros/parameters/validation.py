@@ -133,6 +133,10 @@ def _check_topics(sensors: SensorsParameters) -> None:
                 f"parameter 'sensors.camera_infos': {text!r} is not two topics, as in"
                 " /image:=/camera_info"
             )
+    images = [text.split(INFO_MARK)[0] for text in sensors.camera_infos]
+    for image in images:
+        if images.count(image) > 1:
+            raise ParameterError(f"parameter 'sensors.camera_infos': {image} is given twice")
 
 
 def _checked_frames(frames: FramesParameters) -> FramesParameters:

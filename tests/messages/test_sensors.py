@@ -139,3 +139,10 @@ def test_a_camera_info_is_given_by_two_names(text: str) -> None:
     sensors = SensorsParameters(camera_infos=("/image:=/info", text))
     with pytest.raises(ParameterError, match=f"'{text}' is not two topics, as in /image"):
         validated(replace(Parameters(), sensors=sensors))
+
+
+def test_images_have_one_camera_info() -> None:
+    """Of two that are given for the same images neither would be right."""
+    sensors = SensorsParameters(camera_infos=("/a:=/info", "/image:=/info", "/a:=/other"))
+    with pytest.raises(ParameterError, match=r"'sensors.camera_infos': /a is given twice"):
+        validated(replace(Parameters(), sensors=sensors))

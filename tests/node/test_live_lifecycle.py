@@ -113,6 +113,25 @@ def test_a_topic_that_cannot_be_fails_at_configure(
     bench.until(lambda: bench.user.count_subscribers("/scan") == 1)
 
 
+@pytest.mark.parametrize(
+    ("infos", "sentence"),
+    [
+        (["image:=map"], "topic '/map' is given twice, for map and for camera_info"),
+        (["image:=image"], "topic '/image' is given twice, for image and for camera_info"),
+        (["image:=a", "/image:=b"], "parameter 'sensors.camera_infos': /image is given twice"),
+        (["other:=lens"], "parameter 'sensors.camera_infos': /other is no topic of images"),
+    ],
+)
+def test_a_camera_info_that_cannot_be_fails_at_configure(
+    make_bench: MakeBench, infos: list[str], sentence: str
+) -> None:
+    """Names without a slash are full ones from there on, as those of sensors are."""
+    bench = make_bench({"sensors.camera_infos": infos})
+    assert not bench.change_state("configure")
+    (said,) = bench.warnings()
+    assert said.startswith(sentence)
+
+
 def test_a_mixture_that_the_catalogue_cannot_take_fails_at_configure(make_bench: MakeBench) -> None:
     """It is only known then how many rows there are."""
     bench = make_bench({"mixture.rates": [15.0]})

@@ -258,17 +258,19 @@ def test_several_scans_keep_their_names(make_bench: MakeBench) -> None:
     assert [outputs[name][0].header.stamp.sec for name in names] == [999, 1000]
 
 
-@pytest.mark.parametrize("lens", [INFO, "lens"])
-def test_depth_images_are_augmented_raw_and_compressed(make_bench: MakeBench, lens: str) -> None:
+@pytest.mark.parametrize(("lens", "slash"), [(INFO, ""), ("lens", "/"), ("lens", "")])
+def test_depth_images_are_augmented_raw_and_compressed(
+    make_bench: MakeBench, lens: str, slash: str
+) -> None:
     """Both have the post before the robot, in the same pixels, and the CameraInfo beside them.
 
-    That comes from elsewhere if the parameters say so.
+    That comes from elsewhere if the parameters say so, with full names or without.
     """
     raw = "camera/depth/image_rect"
     names = [raw, f"{raw}/compressedDepth"]
     values: dict[str, Any] = {"sensors.depths": names, "sensors.shape": "box"}
     if lens != INFO:
-        values["sensors.camera_infos"] = [f"/{name}:=/{lens}" for name in names]
+        values["sensors.camera_infos"] = [f"{slash}{name}:={slash}{lens}" for name in names]
     bench = make_bench(values, "configure", "activate")
     bench.send("map", room())
     bench.clock(1000.0)
