@@ -101,7 +101,8 @@ def sentence_of(error: Exception) -> str:
 
 STAMP_AT: Final = 4
 """Where the stamp of a message with a header lies, in CDR and in ROS 1 alike."""
-_STAMPS_END_NS: Final = 2**31 * NS_PER_S
+STAMPS_END_NS: Final = 2**31 * NS_PER_S
+"""A stamp of ROS 2 lies before this time, in 2038."""
 _STAMPS: Final = (Struct(">iI"), Struct("<iI"))
 
 
@@ -604,7 +605,7 @@ class BagReader:
         if self.is_ros1 and message.connection.digest == ROS1_DIGEST:
             with suppress(StructError, UnicodeDecodeError):  # let the general way complain
                 found = decode_transforms_ros1(message.data)
-                if any(transform.stamp_ns >= _STAMPS_END_NS for transform in found):
+                if any(transform.stamp_ns >= STAMPS_END_NS for transform in found):
                     raise _large_stamp(message)
                 return found
         return read_transforms(self.deserialize(message))

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from are_ros.bag.clock import BASE_FRAMES, BagClock, RecordedTimes, base_frame_of
-from are_ros.bag.reader import BagReader
+from are_ros.bag.reader import STAMPS_END_NS, BagReader
 from are_ros.bag.roles import CAMERA, OCTOMAP, RolesFound, slashed, types_of
 from are_ros.bag.stretches import Stretches, Window, needed_wait_s, scan_waits, stretches_of
 from are_ros.builder.assembly import parse_static_transform
@@ -180,6 +180,7 @@ class Timeline:
                 f"nothing moves in the {length} that --start and --duration choose: they lie in a "
                 "gap of the recording, which a replay leaves out"
             )
+        _check_stamps_hold(clock, window, stretches)
         frames = {
             times.scan_frames[topic]
             for topic, role in role_of_topic.items()
@@ -210,6 +211,21 @@ class Timeline:
             )
         said += [one.sentence() for one in self.infos]
         return [*said, *filter(None, (self.clock.sentence, self.clock.disagreement))]
+
+
+def _check_stamps_hold(clock: BagClock, window: Window, stretches: Stretches) -> None:
+    """Raise BagError where the replay would go on to times that no stamp of ROS 2 can hold."""
+    begin_ns, stop_ns = stretches.spans[0][0], stretches.spans[-1][1]
+    if clock.at(stop_ns) < STAMPS_END_NS:
+        return
+    said = "the replay would go on after 2038 (2^31 s since 1970), where ROS 2 has no stamps"
+    left_ns = STAMPS_END_NS - clock.at(begin_ns)
+    if left_ns <= 0:
+        raise BagError(f"{said}: none of the recording lies before")
+    # Rounded down, to less than what is left, by the seconds of the clock.
+    until_s = (begin_ns - window.begin_ns + left_ns - 1) * 10 // NS_PER_S / 10.0
+    start_s = (window.start_ns - window.begin_ns) / NS_PER_S
+    raise BagError(f"{said}: --duration {until_s - start_s:.1f} ends before")
 
 
 def _unusual_base(times: RecordedTimes, given: Collection[tuple[str, str]]) -> str:

@@ -394,3 +394,32 @@ def test_a_cloud_whose_frame_is_joined_to_nothing_is_said(
     done = run_are("replay", bag, "--duration", 1, "--out", tmp_path / "out")
     assert done.returncode == 3, done.stderr
     assert "the voxel cloud was not used: nothing joins its frame 'nowhere'" in done.stderr
+
+
+def test_a_replay_does_not_go_on_after_the_last_stamp_of_ros_2(
+    run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path
+) -> None:
+    """It is refused in one sentence, whose option replays what was before 2038."""
+    first_ns, end_ns = sample_records[0][1], 2**31 * NS_PER_S
+    later_ns = end_ns - 4 * NS_PER_S - first_ns
+    records = []
+    for topic, at_ns, message in sample_records:
+        if at_ns > first_ns + 6 * NS_PER_S:
+            break
+        moved = copy.deepcopy(message)
+        stamped = getattr(moved, "transforms", [moved] if hasattr(moved, "header") else [])
+        for one in stamped:
+            now_ns = stamp_ns(one.header.stamp) + later_ns
+            one.header.stamp.sec = now_ns // NS_PER_S - (2**32 if now_ns >= end_ns else 0)
+            one.header.stamp.nanosec = now_ns % NS_PER_S
+        records.append((topic, at_ns + later_ns, moved))
+    bag = write_bag(tmp_path / "late.mcap", records)
+    done = run_are("replay", bag, "--out", tmp_path / "out")
+    assert (done.returncode, done.stderr.count("Traceback")) == (1, 0)
+    said = "the replay would go on after 2038 (2^31 s since 1970), where ROS 2 has no stamps: "
+    assert said + "--duration 3.9 ends before" in done.stderr
+    assert not (tmp_path / "out").exists()
+    done = run_are("replay", bag, "--duration", "3.9", "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    done = run_are("replay", bag, "--start", "4.5", "--out", tmp_path / "out")
+    assert "none of the recording lies before" in done.stderr
