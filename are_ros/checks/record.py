@@ -2,7 +2,7 @@
 
 import heapq
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -396,6 +396,11 @@ def _without_repeats(maps: list[RealMap]) -> list[RealMap]:
     return kept
 
 
+def _named(topic: str, known: Collection[str]) -> str:
+    """Return a topic of a parameter as the recording has it: the node's names have a slash."""
+    return topic if topic in known else f"/{topic.lstrip('/')}"
+
+
 class Reading:
     """One pass over all but the grids, then one over these; a context manager.
 
@@ -443,6 +448,7 @@ class Reading:
         infos = {topic for topic, type_name in types.items() if type_name == _INFO}
         inputs = {topic for topic in infos if not topic.startswith(PREFIX)}
         given = self._parameters.sensors.info_by_image if self._parameters else {}
+        given = {_named(one, types): _named(info, types) for one, info in given.items()}
         infos_of_depths = {info_topic(topic, given) for topic in of_depths}
         infos_of_depths -= {info_topic(topic, given) for topic in images - of_depths}
         of_others = inputs - infos_of_depths

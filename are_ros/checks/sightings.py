@@ -15,6 +15,7 @@ from are_ros.wording import counted
 
 _NEXT_TICK: Final = 1.5
 """In periods: two ticks that are farther apart are not consecutive."""
+_CAMERA: Final = "/camera/camera_info"
 FIRST_FALSE_ALARM: Final = 1_000_000_000_000
 """Ids from here on belong to nothing that is there."""
 
@@ -113,7 +114,10 @@ class _ImageSizes:
         if camera.model is not CameraModel.AUTO:
             return [(camera.width, camera.height)]
         if record.is_live:  # a CameraInfo came a little before or after it was recorded
-            return self._all
+            # Those of images may be the only ones: then a default camera stands in, unless one of
+            # them was remapped to be the camera's.
+            is_lone = bool(self._all) and _CAMERA not in record.images
+            return [*self._all, (camera.width, camera.height)] if is_lone else self._all
         if self._all:
             ends = [bisect_left(times_ns, at_ns) for times_ns in self._times_ns]
             # What is held since the look before may be in the image of the info before.

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from are_ros.bag.clock import BASE_FRAMES, BagClock, RecordedTimes, base_frame_of
 from are_ros.bag.reader import STAMPS_END_NS, BagReader
+from are_ros.bag.recording import PREFIX
 from are_ros.bag.roles import CAMERA, OCTOMAP, RolesFound, slashed, types_of
 from are_ros.bag.stretches import Stretches, Window, needed_wait_s, scan_waits, stretches_of
 from are_ros.builder.assembly import parse_static_transform
@@ -106,6 +107,7 @@ class SubstituteInfo:
         return f"{said}it is not augmented; {option} takes one from elsewhere"
 
 
+<<<<<<< HEAD
 def substitute_infos(
     reader: BagReader, lenses: Mapping[str, str], given: Iterable[str] = ()
 ) -> list[SubstituteInfo]:
@@ -114,6 +116,15 @@ def substitute_infos(
     `given` are the entries of `sensors.camera_infos`.
     """
     infos = [t.name for t in reader.topics if t.type_name == CAMERA_INFO_TYPE and t.count > 0]
+=======
+def substitute_infos(reader: BagReader, lenses: Mapping[str, str]) -> list[SubstituteInfo]:
+    """Return what there is for the images that have no CameraInfo on the topics `lenses`.
+
+    The node's own do not count, as in a recording of it.
+    """
+    filled = [t for t in reader.topics if t.count > 0 and PREFIX not in t.name]
+    infos = [t.name for t in filled if t.type_name == CAMERA_INFO_TYPE]
+>>>>>>> 5c778961 (Live recordings: CameraInfo of the node's own is no input's, names without a slash hold, the default camera counts)
     found = []
     for images, beside in lenses.items():
         if beside in infos:

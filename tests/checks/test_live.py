@@ -18,9 +18,11 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
 
 from are_ros.bag.reader import BagReader
+from are_ros.bag.recording import find_recording
 from are_ros.bag.types import jazzy_typestore
 from are_ros.bag.writer import BagWriter
 from are_ros.builder.costmap.inflation import InflatedCostmap
+from are_ros.checks.record import Reading
 from are_ros.checks.result import CheckResult
 from are_ros.checks.run import Outcome, check_recording
 from are_ros.conventions import NS_PER_S
@@ -906,3 +908,34 @@ def test_an_id_that_comes_again_after_its_end_is_caught(whole: Tape, tmp_path: P
 
     broken = tape.edited("artefacts", change, 6.0, 6.3)
     assert results_of(broken.write(tmp_path))["lives"].outcome is Outcome.FAILED
+
+
+def test_the_only_camera_info_may_be_that_of_images_alone(whole: Tape, tmp_path: Path) -> None:
+    """Without one of its own the node takes the default camera, whose image is larger here."""
+    kind, store = "sensor_msgs/msg/CameraInfo", jazzy_typestore()
+    for name, is_right in (("/lens", True), ("/camera/camera_info", False)):
+        entries = []
+        for log_ns, topic, data in whole.without_images().entries:
+            if whole.types[topic] != kind:
+                entries.append((log_ns, topic, data))
+            elif topic == "/camera/camera_info":
+                info = decoded(kind, data)
+                info.width, info.height = 32, 24
+                entries.append((log_ns, name, bytes(store.serialize_cdr(info, kind))))
+        types = {name: kind} | {t: k for t, k in whole.types.items() if k != kind}
+        tape = replace(whole, entries=tuple(entries), types=types)
+        results = results_of(tape.write(tmp_path / name[1:]))
+        wanted = Outcome.PASSED if is_right else Outcome.FAILED
+        assert results["perceived"].outcome is wanted, results["perceived"].sentence()
+
+
+def test_a_camera_info_given_without_a_slash_is_that_of_the_recording(
+    whole: Tape, tmp_path: Path
+) -> None:
+    """The node's names are full ones; a recording may have others."""
+    kinds = {"/cam/image": "sensor_msgs/msg/Image", "lens": "sensor_msgs/msg/CameraInfo"}
+    path = replace(whole, types=whole.types | kinds).write(tmp_path) / "augmented.mcap"
+    given = {"sensors.camera_infos": ["cam/image:=lens", "/b:=a/lens"]}
+    with Reading(find_recording(path), with_values(Parameters(), given)) as reading:
+        found = reading.record.scans.given_infos
+    assert found == {"/cam/image": "lens", "/b": "/a/lens"}

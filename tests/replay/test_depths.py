@@ -218,8 +218,9 @@ def test_a_camera_info_of_the_same_frame_and_size_is_found(
     run_are: RunAre,
     tmp_path: Path,
 ) -> None:
-    """As where it is beside the images; others have another frame, or another size."""
+    """As where it is beside the images; others have another frame or size, or are outputs."""
     decoys = {"/a/lens": ("base_link", WIDTH), "/z/lens": ("", WIDTH - 1)}
+    decoys["/ar_builder/depth/camera_info"] = ("", WIDTH)
     sent = {}
     for name, topic in (("beside", "/tof/depth/camera_info"), ("odd", ODD)):
         records = lone_depths(sample_records, factory, {**decoys, topic: ("", WIDTH)})
