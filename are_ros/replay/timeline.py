@@ -107,24 +107,16 @@ class SubstituteInfo:
         return f"{said}it is not augmented; {option} takes one from elsewhere"
 
 
-<<<<<<< HEAD
 def substitute_infos(
     reader: BagReader, lenses: Mapping[str, str], given: Iterable[str] = ()
 ) -> list[SubstituteInfo]:
     """Return what there is for the images that have no CameraInfo on the topics `lenses`.
 
-    `given` are the entries of `sensors.camera_infos`.
-    """
-    infos = [t.name for t in reader.topics if t.type_name == CAMERA_INFO_TYPE and t.count > 0]
-=======
-def substitute_infos(reader: BagReader, lenses: Mapping[str, str]) -> list[SubstituteInfo]:
-    """Return what there is for the images that have no CameraInfo on the topics `lenses`.
-
-    The node's own do not count, as in a recording of it.
+    `given` are the entries of `sensors.camera_infos`. The node's own do not count, as in a
+    recording of it.
     """
     filled = [t for t in reader.topics if t.count > 0 and PREFIX not in t.name]
     infos = [t.name for t in filled if t.type_name == CAMERA_INFO_TYPE]
->>>>>>> 5c778961 (Live recordings: CameraInfo of the node's own is no input's, names without a slash hold, the default camera counts)
     found = []
     for images, beside in lenses.items():
         if beside in infos:

@@ -15,12 +15,8 @@ from are_ros.builder.costmap.registration import covered_cells
 from are_ros.builder.markers import DELETE_ALL, MarkerBatch, MarkerKind, MarkerLook
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.checks.marker_rules import change_of
-<<<<<<< HEAD
 from are_ros.checks.oracle.frames import ODOMETRY, TF, Frames
-=======
-from are_ros.checks.oracle.frames import TF, Frames
 from are_ros.checks.oracle.inflation import Costs, Inflation
->>>>>>> 726abfc1 (Octrees of messages end with their data; are check tells a changing octomap from a missing one)
 from are_ros.checks.oracle.plane import Outline, distances_m, overlap_depths_m
 from are_ros.checks.oracle.solids import Covers, RealMap, Walls
 from are_ros.errors import FrameError
