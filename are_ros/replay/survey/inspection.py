@@ -162,7 +162,7 @@ def inspect_bag(
     readings = _first_readings(reader, role_of_topic)
     lenses = lens_topics(role_of_topic, parameters.sensors)
     refuse_absent_infos(reader, parameters.sensors)
-    infos = substitute_infos(reader, lenses)
+    infos = substitute_infos(reader, lenses, parameters.sensors.camera_infos)
     history_s = parameters.poses.history
     waits = list(_waits(times, clock, role_of_topic, map_frame, given_edges, placed, history_s))
     missing = [
