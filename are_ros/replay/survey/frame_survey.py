@@ -114,7 +114,7 @@ class FrameSurvey:
         That is the top, unless the top moves: below it hangs the frame in which odometry moves it.
         """
         parents = {child: parent for parent, child, _ in self._in_force()}
-        told = [(e.parent, e.child) for e in self.edges if e.source == TransformSource.ODOMETRY]
+        told = [(e.parent, e.child) for e in self.edges if e.source.is_odometry]
         return standing_frame(frame, parents, told)
 
     def is_moved(self, frame: str) -> bool:
