@@ -426,7 +426,7 @@ def _standing(survey: FrameSurvey, map_frame: str, base_frame: str) -> Iterable[
 
 def _turned_round(survey: FrameSurvey) -> Iterable[str]:
     """Say which given transform takes a frame from the parent that tf gives it in the recording."""
-    in_tf = [edge for edge in survey.edges if edge.source != TransformSource.ODOMETRY]
+    in_tf = [edge for edge in survey.edges if not edge.source.is_odometry]
     for given in in_tf:
         others = [edge.parent for edge in in_tf if edge.child == given.child and edge != given]
         others = [other for other in others if other not in survey.connected_to(given.child)]
@@ -445,7 +445,7 @@ def _rings(survey: FrameSurvey) -> Iterable[str]:
     """
     parents: dict[str, list[str]] = {}
     for edge in survey.edges:
-        is_strong = edge.source != TransformSource.ODOMETRY and edge.topics != (_GIVEN,)
+        is_strong = not edge.source.is_odometry and edge.topics != (_GIVEN,)
         if is_strong and edge.parent != edge.child:
             parents.setdefault(edge.child, []).append(edge.parent)
     try:
