@@ -44,6 +44,19 @@ BY_NAME: Final = frozenset(
 TRANSFORM_ROLES: Final = ("tf", "tf_static", "odom")
 """The roles that tell where frames are."""
 
+_NOT_READ: Final[Mapping[str, Sequence[str]]] = {
+    "scan": ("sensor_msgs/msg/MultiEchoLaserScan",),
+    "points": (
+        "sensor_msgs/msg/PointCloud",
+        "velodyne_msgs/msg/VelodyneScan",
+        "livox_ros_driver/msg/CustomMsg",
+        "livox_ros_driver2/msg/CustomMsg",
+        "ouster_ros/msg/PacketMsg",
+        "ouster_sensor_msgs/msg/PacketMsg",
+    ),
+}
+"""Other forms in which drivers publish a sensor's readings, by role: packets, and older types."""
+
 _UPDATE_TYPE: Final = "map_msgs/msg/OccupancyGridUpdate"
 _TELLTALES: Final = {
     OCTOMAP: "octomap",
@@ -191,6 +204,8 @@ def left_as_they_are(
 ) -> Iterable[str]:
     """Say which topics of sensors without images are not augmented, with the options for all.
 
+    And which are of a type that nobody reads.
+
     `named` are the topics that the user names for sensors' roles. There is no word about a role
     that is still to be chosen or was given no topic.
     """
@@ -203,6 +218,10 @@ def left_as_they_are(
         if left and not kind.is_image and (players[role] or role in BY_NAME):
             options = " ".join(f"--topic {role}:={name}" for name in (*players[role], *left))
             yield f"left as they are: {listed(left)}; to augment all, give {options}"
+    for role, types in _NOT_READ.items():
+        for topic in (topic for topic in free if topic.type_name in types):
+            wanted = SENSORS[role].type_name
+            yield f"{topic.name} is not augmented: of a {topic.type_name} record a {wanted}, too"
 
 
 def read_overrides(texts: Iterable[str]) -> dict[str, str]:

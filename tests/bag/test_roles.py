@@ -57,6 +57,16 @@ def test_what_is_left_as_it_is_is_told_with_the_options_for_all() -> None:
     assert list(left_as_they_are(unclear, find_roles(unclear, {}), {})) == []
 
 
+def test_readings_in_another_form_are_named() -> None:
+    """Packets of a driver, and types that are no longer in use; also where the usual is there."""
+    packets, echoes = "velodyne_msgs/msg/VelodyneScan", "sensor_msgs/msg/MultiEchoLaserScan"
+    found = topics(points=CLOUD, velodyne_packets=packets, horizontal_laser=echoes)
+    assert list(left_as_they_are(found, find_roles(found, {}), {})) == [
+        f"/horizontal_laser is not augmented: of a {echoes} record a {SCAN}, too",
+        f"/velodyne_packets is not augmented: of a {packets} record a {CLOUD}, too",
+    ]
+
+
 def test_what_the_node_gave_out_plays_no_role() -> None:
     """In a result the recorded inputs alone do, as if there were no outputs beside them."""
     found = topics(front=SCAN, ar_builder__scan=SCAN, robot1__ar_builder__points=CLOUD)
