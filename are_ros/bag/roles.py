@@ -47,7 +47,6 @@ TRANSFORM_ROLES: Final = ("tf", "tf_static", "odom")
 _NOT_READ: Final[Mapping[str, Sequence[str]]] = {
     "scan": ("sensor_msgs/msg/MultiEchoLaserScan",),
     "points": (
-        "sensor_msgs/msg/PointCloud",
         "velodyne_msgs/msg/VelodyneScan",
         "livox_ros_driver/msg/CustomMsg",
         "livox_ros_driver2/msg/CustomMsg",
@@ -55,7 +54,7 @@ _NOT_READ: Final[Mapping[str, Sequence[str]]] = {
         "ouster_sensor_msgs/msg/PacketMsg",
     ),
 }
-"""Other forms in which drivers publish a sensor's readings, by role: packets, and older types."""
+"""Other forms in which drivers publish a sensor's readings, by role."""
 
 _UPDATE_TYPE: Final = "map_msgs/msg/OccupancyGridUpdate"
 _TELLTALES: Final = {

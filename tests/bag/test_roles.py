@@ -58,7 +58,7 @@ def test_what_is_left_as_it_is_is_told_with_the_options_for_all() -> None:
 
 
 def test_readings_in_another_form_are_named() -> None:
-    """Packets of a driver, and types that are no longer in use; also where the usual is there."""
+    """Packets of a driver, and scans of several echoes; also where the usual form is there."""
     packets, echoes = "velodyne_msgs/msg/VelodyneScan", "sensor_msgs/msg/MultiEchoLaserScan"
     found = topics(points=CLOUD, velodyne_packets=packets, horizontal_laser=echoes)
     assert list(left_as_they_are(found, find_roles(found, {}), {})) == [
