@@ -203,10 +203,8 @@ def left_as_they_are(
 ) -> Iterable[str]:
     """Say which topics of sensors without images are not augmented, with the options for all.
 
-    And which are of a type that nobody reads.
-
     `named` are the topics that the user names for sensors' roles. There is no word about a role
-    that is still to be chosen or was given no topic.
+    that is still to be chosen or was given no topic. Last come topics of a type that is not read.
     """
     named = {**dict.fromkeys(BY_NAME, ()), **named}
     players = {role: tuple(named.get(role, roles.by_topic((role,)))) for role in ROLE_TYPES}

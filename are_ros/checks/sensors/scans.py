@@ -139,9 +139,11 @@ class BoxPositions:
         first_ns = (earlier.stamp_ns // step_ns + 1) * step_ns
         went_s = (min(stamp_ns, first_ns) - earlier.stamp_ns) / NS_PER_S
         start = _position(earlier, i) + went_s * np.append(earlier.rates[i], 0.0)
+        if stamp_ns < first_ns:
+            return [_box(earlier, i, start, 0.0)]
         number = int(earlier.ids[i])
         jumped_m = self._jumped_m(number, earlier.stamp_ns, stamp_ns)
-        if stamp_ns < first_ns or (stamp_ns == first_ns and not jumped_m):
+        if stamp_ns == first_ns and not jumped_m:
             return [_box(earlier, i, start, 0.0)]
         speeds = self._fastest[earlier.labels[i]]
         since_ns, span_ns = stamp_ns - first_ns, later.stamp_ns - first_ns

@@ -18,13 +18,12 @@ from are_ros.builder.sensors.depth_image import (
 from are_ros.builder.sensors.image import CompressedImage
 from are_ros.errors import InputError
 from are_ros.messages.images.image import (
+    DEPTH_HEADER,
     encode_image,
     read_compressed_image,
     read_image,
 )
 
-_HEADER: Final = struct.Struct("<iff")
-"""ConfigHeader of compressed_depth_image_transport: format, and two parameters of the depth."""
 _PNG: Final = struct.Struct(">8sI4sIIBB")
 """The beginning of a PNG: signature, length and name of IHDR, width, height, bits, colour type."""
 _SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
@@ -60,7 +59,7 @@ class CompressedDepth:
             code = code_of(encoding)
             if isinstance(code, Metres):
                 code = _inverse_depth(image.data)
-            return cls(image, _size_of_png(image.data[_HEADER.size :]), code)
+            return cls(image, _size_of_png(image.data[DEPTH_HEADER.size :]), code)
         except InputError as cause:
             raise InputError(f"{source}: {cause}") from cause
 
@@ -69,7 +68,7 @@ class CompressedDepth:
         import cv2
 
         try:
-            numbers = cv2.imdecode(self.image.data[_HEADER.size :], cv2.IMREAD_UNCHANGED)
+            numbers = cv2.imdecode(self.image.data[DEPTH_HEADER.size :], cv2.IMREAD_UNCHANGED)
         except cv2.error:  # of a size that cannot be
             numbers = None
         if numbers is None or numbers.shape != self.shape or numbers.dtype != np.uint16:
@@ -82,14 +81,14 @@ class CompressedDepth:
         import cv2
 
         _, png = cv2.imencode(".png", stored, [cv2.IMWRITE_PNG_COMPRESSION, _PNG_LEVEL])
-        data = np.concatenate((self.image.data[: _HEADER.size], png.reshape(-1)))
+        data = np.concatenate((self.image.data[: DEPTH_HEADER.size], png.reshape(-1)))
         return replace(self, image=replace(self.image, data=data))
 
 
 def _inverse_depth(data: npt.NDArray[np.uint8]) -> InverseDepth:
-    if data.size < _HEADER.size:
-        raise InputError(f"data has {data.size} bytes, and its header alone {_HEADER.size}")
-    _, a, b = _HEADER.unpack(data[: _HEADER.size].tobytes())
+    if data.size < DEPTH_HEADER.size:
+        raise InputError(f"data has {data.size} bytes, and its header alone {DEPTH_HEADER.size}")
+    _, a, b = DEPTH_HEADER.unpack(data[: DEPTH_HEADER.size].tobytes())
     return InverseDepth(a, b)
 
 

@@ -1,5 +1,6 @@
 """sensor_msgs/Image and CompressedImage, and the CameraInfo beside them."""
 
+import struct
 from typing import Any, Final
 
 import cv2
@@ -14,9 +15,8 @@ from are_ros.world.cameras import CameraInfo
 TRANSPORTS: Final = ("compressed", "compressedDepth", "theora", "zstd", "ffmpeg")
 """Transports of image_transport: a topic's last part is one of these if it is not raw."""
 
-
-_DEPTH_HEADER_BYTES: Final = 12
-"""So many bytes of compressed_depth_image_transport come before the PNG."""
+DEPTH_HEADER: Final = struct.Struct("<iff")
+"""ConfigHeader of compressed_depth_image_transport: format, and two parameters of the depth."""
 
 
 def transport_of(topic: str) -> str:
@@ -46,7 +46,7 @@ def size_of(message: Any) -> tuple[int, int] | None:
     if hasattr(message, "width"):
         return int(message.width), int(message.height)
     data = read_array(message.data, np.uint8)
-    start = _DEPTH_HEADER_BYTES if "compressedDepth" in str(message.format) else 0
+    start = DEPTH_HEADER.size if "compressedDepth" in str(message.format) else 0
     pixels = cv2.imdecode(data[start:], cv2.IMREAD_UNCHANGED) if data.size > start else None
     return None if pixels is None else (pixels.shape[1], pixels.shape[0])
 

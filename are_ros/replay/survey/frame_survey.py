@@ -14,6 +14,7 @@ from are_ros.errors import FrameError
 from are_ros.messages.transforms import StampedTransform
 from are_ros.wording import counted, listed
 from are_ros.world.rigid_transform import RigidTransform, why_invalid
+from are_ros.world.transforms.sources import said_of_part
 from are_ros.world.transforms.table import TransformSource
 from are_ros.world.transforms.tree import FrameTree
 
@@ -433,13 +434,11 @@ def _odd_parents(edges: Sequence[SurveyedEdge]) -> Iterable[str]:
     sources: dict[str, dict[str, TransformSource]] = defaultdict(dict)
     wholes = _moved_wholes(edges)
     for edge in edges:
-        if (edge.parent, edge.child) not in wholes:
+        whole = wholes.get((edge.parent, edge.child))
+        if whole is None:
             sources[edge.child][edge.parent] = edge.source
-    for (_, part), whole in wholes.items():
-        yield (
-            f"odometry tells the pose of {part}, which static transforms fix to {whole}: it moves "
-            f"{whole}"
-        )
+        else:
+            yield said_of_part(edge.source, edge.child, whole)
     for child, of_child in sorted(sources.items()):
         if len(of_child) > 1:
             yield _said_of_parents(child, of_child)

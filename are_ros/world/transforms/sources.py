@@ -56,6 +56,12 @@ _NAMES = {
 }
 
 
+def said_of_part(source: TransformSource, part: str, whole: str) -> str:
+    """Return the sentence about odometry of a part of the robot, or of what moves with it."""
+    fixed = f"which static transforms fix to {whole}: it moves {whole}"
+    return f"{_NAMES[source]} tells the pose of {part}, {fixed}"
+
+
 class Remark(str):
     """A notice that is no warning: robots often are so."""
 
@@ -219,8 +225,7 @@ class Precedence:
 
     def _say_moved(self, of_part: Claim, whole: Claim) -> None:
         part, moved = self._names[of_part.child], self._names[whole.child]
-        said = f"tells the pose of {part}, which static transforms fix to {moved}: it moves {moved}"
-        self._notices.say(Remark(f"{_NAMES[whole.source]} {said}"))
+        self._notices.say(Remark(said_of_part(whole.source, part, moved)))
 
     def _say_changed(self, edge: Edge, claim: Claim) -> None:
         """Tell of a new parent, and of a stamped transform that turns static or back."""
