@@ -4,6 +4,7 @@ import re
 import signal
 import subprocess
 import sys
+from importlib.metadata import requires
 from pathlib import Path
 
 import click
@@ -14,7 +15,7 @@ from are_ros import cli
 from are_ros._version import __version__
 from are_ros.bag.roles import ROLE_TYPES
 from are_ros.cli import are, main
-from are_ros.errors import BagError
+from are_ros.errors import BagError, missing_packages
 
 PROJECT = Path(__file__).resolve().parents[1]
 SAMPLE = PROJECT / "bags" / "sample_office.mcap"
@@ -361,6 +362,61 @@ def test_an_early_ctrl_c_prints_no_traceback(module: str, status: int, said: str
     words = [sys.executable, "-c", PRESSING, "inspect", module]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (status, "", said)
+
+
+HIDING = """
+import sys
+sys.modules |= dict.fromkeys(sys.argv[1:2])  # as if it could not be found
+del sys.argv[1]
+from are_ros.__main__ import main
+sys.exit(main())
+"""
+"""`are` where the module that is its first word is not installed."""
+
+
+@pytest.mark.parametrize(
+    ("hidden", "command", "said"),
+    [
+        ("click", "inspect", "the Python package click is not installed"),
+        ("rosbags", "inspect", "the Python package rosbags is not installed"),
+        ("numba", "soak", "the Python package numba is not installed"),
+        ("mcap", "replay", "the Python package mcap is not installed"),
+    ],
+)
+def test_a_package_that_is_not_installed_is_one_sentence(
+    hidden: str, command: str, said: str, tmp_path: Path
+) -> None:
+    """The node needs fewer packages than `are` does, and pip installs its own alone."""
+    made = str(SAMPLE.with_name("sample_office_map.yaml"))
+    words = {
+        "inspect": [str(SAMPLE)],
+        "soak": ["--map", made, "--out", str(tmp_path / "out")],
+        "replay": [str(SAMPLE), "--out", str(tmp_path / "out")],
+    }[command]
+    run = [sys.executable, "-c", HIDING, hidden, command, *words]
+    done = subprocess.run(run, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr[: len(said) + 5]) == (1, f"are: {said}")
+    assert len(done.stderr.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_is_not_installed_can_be_installed_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All that is missing of what was declared; a module of ours that is missing is a fault."""
+    missing = {"tqdm", "PIL", "viser", "yaml", "cv2"}
+    monkeypatch.setattr("are_ros.errors.find_spec", lambda name: None if name in missing else name)
+    cause = ModuleNotFoundError(name="PIL.Image")
+    base = [text for text in requires("are_ros") or [] if "extra" not in text]
+    wanted = [text for text in base if text.lower().startswith(("opencv", "pyyaml"))]
+    said = "the Python package PIL is not installed: python -m pip install "
+    assert missing_packages(cause) == said + " ".join(f'"{text}"' for text in wanted)
+    assert re.findall(r'"([a-z-]+)>=', missing_packages(cause, ("replay",)))[2:] == [
+        "pillow",
+        "tqdm",
+    ]
+    monkeypatch.setattr("are_ros.errors.find_spec", lambda name: name)
+    assert missing_packages(cause) == "the Python package PIL is not installed"
+    with pytest.raises(ModuleNotFoundError):
+        missing_packages(ModuleNotFoundError(name="are_ros.nothing"))
 
 
 def test_a_soak_that_could_not_be_written_does_not_begin(

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, Final
 
-from are_ros.errors import AreError, NodeError
+from are_ros.errors import AreError, NodeError, missing_packages
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -199,14 +199,19 @@ def executor_of(node: Any) -> Iterator[Any]:
 # `ar_builder`, the program.
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None) -> int | str:
     """Run the node until a signal ends it; return the exit status, 1 if it could not run.
+
+    Or a sentence for `sys.exit`, where a package is not installed.
 
     On SIGINT and SIGTERM, at any moment, every marker is deleted and the last map is the real one.
     """
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")  # a damaged picture is told in our sentence
     with stop_on_signals() as stop:
-        return run(arguments, stop)
+        try:
+            return run(arguments, stop)
+        except ModuleNotFoundError as cause:
+            return f"ar_builder: {missing_packages(cause)}"
 
 
 def run(arguments: Sequence[str] | None, stop: Stop) -> int:

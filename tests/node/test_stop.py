@@ -1,6 +1,8 @@
 """Signals are noted, and disturb nothing."""
 
 import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 
 import pytest
@@ -63,3 +65,12 @@ def test_who_ends_already_is_not_disturbed() -> None:
         signal.raise_signal(signal.SIGTERM)
     for number in NUMBERS:
         signal.raise_signal(number)
+
+
+def test_a_package_that_the_node_lacks_is_one_sentence() -> None:
+    """As numba, where colcon built with the system's Python."""
+    lines = ("import sys", "sys.modules['numba'] = None", "from are_ros.node.startup import main")
+    words = [sys.executable, "-c", "\n".join((*lines, "sys.exit(main())"))]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    said = "ar_builder: the Python package numba is not installed: python -m pip install"
+    assert (done.returncode, done.stderr.partition(' "')[0]) == (1, said)
