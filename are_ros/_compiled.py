@@ -24,6 +24,8 @@ from numba.core.compiler import Compiler, Flags
 from numba.core.dispatcher import _FunctionCompiler  # type: ignore[attr-defined] # not typed
 from numba.core.registry import CPUDispatcher
 
+from are_ros.errors import InstallationError
+
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 _PACKAGE: Final = Path(__file__).parent
@@ -241,7 +243,14 @@ class KernelCache(FunctionCache):  # type: ignore[misc] # numba is not typed
     _files: ClassVar[dict[Path, IO[str]]] = {}
 
     def __init__(self, function: Callable[..., Any]) -> None:
-        super().__init__(function)
+        try:
+            super().__init__(function)
+        except RuntimeError as cause:  # numba found no folder
+            raise InstallationError(
+                f"the kernels, compiled for minutes, can be kept neither in {_PACKAGE} nor in the"
+                " user's cache (HOME or XDG_CACHE_HOME): neither can be written. Set"
+                " NUMBA_CACHE_DIR to a folder that can"
+            ) from cause
         source = Path(function.__code__.co_filename)
         if source.is_file():
             self._cache_file._source_stamp = source_stamp(source)  # noqa: SLF001
@@ -265,7 +274,13 @@ class KernelCache(FunctionCache):  # type: ignore[misc] # numba is not typed
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep what was compiled, and unlock the kernel."""
-        super().save_overload(sig, data)
+        try:
+            super().save_overload(sig, data)
+        except OSError as cause:
+            folder, why = self.cache_path, cause.strerror
+            raise InstallationError(
+                f"compiled kernels cannot be kept in {folder}: {why}"
+            ) from cause
         self._lock(fcntl.LOCK_UN)
         self._is_held = False
 

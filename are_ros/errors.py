@@ -51,6 +51,10 @@ class NodeError(AreError):
     """The node cannot run: a message package is missing, or ROS refuses what it needs."""
 
 
+class InstallationError(AreError):
+    """What is compiled at the first start cannot be kept anywhere."""
+
+
 class FrameError(AreError):
     """A transform cannot be given or taken."""
 

@@ -173,3 +173,32 @@ def test_of_processes_that_want_the_same_kernel_one_compiles_it(pair: Path) -> N
     all_three = [begin(pair, "1") for _ in range(3)]
     said = sorted(each.communicate(timeout=120)[0].split() for each in all_three)
     assert said == [["20", "0"], ["20", "0"], ["20", "1"]]
+
+
+_REFUSED = """
+import os, resource
+from are_ros.errors import InstallationError
+{}
+try:
+    from pair.outer import outer
+    outer(1)
+except InstallationError as error:
+    print(error)
+"""
+
+
+def test_where_no_folder_can_be_written_the_variable_is_named(pair: Path) -> None:
+    """As in a container without a home, with a package of root's: each start would take minutes."""
+    (pair / "__pycache__").touch()
+    nowhere = "os.environ |= {'HOME': '/proc/none', 'XDG_CACHE_HOME': '/proc/none'}"
+    said = run(pair, _REFUSED.format(nowhere)).communicate(timeout=120)[0]
+    assert f"neither in {pair} nor in" in said
+    assert "Set NUMBA_CACHE_DIR to a folder" in said
+
+
+def test_a_full_disk_is_one_sentence(pair: Path, tmp_path: Path) -> None:
+    """The kernels cannot be kept; the folder is named."""
+    full = "resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))"
+    said = run(pair, _REFUSED.format(full), str(tmp_path / "cache")).communicate(timeout=120)[0]
+    folder = tmp_path / "cache" / "pair"
+    assert said == f"compiled kernels cannot be kept in {folder}: File too large\n"

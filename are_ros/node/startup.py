@@ -198,6 +198,8 @@ def executor_of(node: Any) -> Iterator[Any]:
 
 # `ar_builder`, the program.
 
+_NAME: Final = "ar_builder"
+
 
 def main(arguments: Sequence[str] | None = None) -> int | str:
     """Run the node until a signal ends it; return the exit status, 1 if it could not run.
@@ -211,22 +213,22 @@ def main(arguments: Sequence[str] | None = None) -> int | str:
         try:
             return run(arguments, stop)
         except ModuleNotFoundError as cause:
-            return f"ar_builder: {missing_packages(cause)}"
+            return f"{_NAME}: {missing_packages(cause)}"
 
 
 def run(arguments: Sequence[str] | None, stop: Stop) -> int:
     """Run the node until `stop` is set; return the exit status, 1 if it could not run."""
     if stop.is_set:
         return 0
-    from are_ros.node.ar_builder_node import NAME, ArBuilderNode
-
     try:
+        from are_ros.node.ar_builder_node import ArBuilderNode
+
         with ros_context(arguments) as context, ending_hung_behaviours(stop):
             with refusals_of_ros():
                 node = ArBuilderNode(context=context)
             return 0 if _spin(node, stop) else 1
     except AreError as cause:
-        return fatal(NAME, cause)
+        return fatal(_NAME, cause)
 
 
 def fatal(name: str, cause: AreError) -> int:
