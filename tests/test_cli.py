@@ -364,6 +364,16 @@ def test_an_early_ctrl_c_prints_no_traceback(module: str, status: int, said: str
     assert (done.returncode, done.stdout, done.stderr) == (status, "", said)
 
 
+def test_an_output_that_cannot_be_written_is_one_sentence() -> None:
+    """As where the result goes to a file, and the disk is full."""
+    words = [str(Path(sys.executable).with_name("are")), "inspect", str(SAMPLE)]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    said = "are: the output cannot be written: no space left on device\n"
+    assert (done.returncode, done.stderr[-len(said) :]) == (1, said)
+    assert "Traceback" not in done.stderr
+
+
 HIDING = """
 import sys
 sys.modules |= dict.fromkeys(sys.argv[1:2])  # as if it could not be found

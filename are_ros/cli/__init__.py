@@ -20,6 +20,7 @@ from are_ros._version import __version__
 from are_ros.cli import live, offline
 from are_ros.cli.options import FAILED, INTERRUPTED
 from are_ros.errors import AreError
+from are_ros.wording import why_refused
 
 
 @click.group(
@@ -54,10 +55,12 @@ def main() -> None:
         _fail(f"{error.format_message().rstrip('.')} (see `{command} --help`)", error.exit_code)
     except (KeyboardInterrupt, click.Abort):
         _fail("interrupted", INTERRUPTED)
-    except Exception:
-        if not interrupts:
+    except Exception as error:
+        if interrupts:
+            _fail("interrupted", INTERRUPTED)
+        if not isinstance(error, OSError) or error.filename is not None:
             raise
-        _fail("interrupted", INTERRUPTED)
+        _fail(f"the output cannot be written: {why_refused(error)}", FAILED)
 
 
 def _noted_interrupts() -> list[int]:
