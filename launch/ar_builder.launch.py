@@ -54,13 +54,15 @@ def start(context: Any) -> list[Any]:
     from launch_ros.actions import Node
 
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
-    given["namespace"] = given["namespace"].strip("/")
+    given["namespace"] = own = given["namespace"].rstrip("/")
+    pushed = context.launch_configurations.get("ros_namespace", "")
+    home = own if own.startswith("/") else f"{pushed}/{own}"
     node = Node(
         package="are_ros",
         executable="ar_builder",
         name="ar_builder",
         namespace=given["namespace"] or None,
-        parameters=parameters(given),
+        parameters=parameters({**given, "namespace": home}),
         ros_arguments=["--log-level", given["log_level"]],
         respawn=is_true(given["respawn"]),
         respawn_delay=2.0,
@@ -77,19 +79,23 @@ def start(context: Any) -> list[Any]:
     return [node, guard] if is_true(given["guard"]) else [node]
 
 
-def parameters(given: dict[str, str]) -> list[Any]:
+def parameters(given: dict[str, str]) -> list[str]:
     """Return the file first and what was given as arguments after it, so that the latter wins.
 
-    The file is a copy that holds in the node's namespace. A ParameterError ends the launch where
-    params_file holds nothing for it.
+    The first is a copy that holds in the node's namespace. A ParameterError ends the launch where
+    params_file holds nothing for it. The arguments go into a file of their own: under `/**`, where
+    launch would write them, ROS lets the copy win if a SetParameter came before both.
     """
-    from are_ros.parameters.ros_yaml import parameter_file_for_ros
+    from are_ros.parameters.ros_yaml import assignments_for_ros, parameter_file_for_ros
 
-    copy = Path(tempfile.mkdtemp(prefix="ar_builder_"), "parameters.yaml")
-    text = parameter_file_for_ros([Path(given["params_file"])], given["namespace"])
-    copy.write_text(text, encoding="utf-8")
-    flags = {name: is_true(given[name]) for name in FLAGS if given[name]}
-    return [str(copy), *([flags] if flags else [])]
+    folder = Path(tempfile.mkdtemp(prefix="ar_builder_"))
+    texts = [parameter_file_for_ros([Path(given["params_file"])], given["namespace"])]
+    flags = [f"{name}:={is_true(given[name])}" for name in FLAGS if given[name]]
+    texts += [assignments_for_ros(flags)] if flags else []
+    paths = [folder / name for name in ("parameters.yaml", "arguments.yaml")[: len(texts)]]
+    for path, text in zip(paths, texts, strict=True):
+        path.write_text(text, encoding="utf-8")
+    return [*map(str, paths)]
 
 
 def is_true(text: str) -> bool:

@@ -4,7 +4,7 @@ import fnmatch
 import py_compile
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -18,6 +18,7 @@ from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import read_ros_parameters
+from tests.ros import RosWorld
 
 PROJECT = Path(__file__).resolve().parents[1]
 LAUNCH = PROJECT / "launch" / "ar_builder.launch.py"
@@ -59,27 +60,50 @@ def test_the_launch_file_describes_a_node() -> None:
     )
 
 
-def test_the_guard_is_started_where_it_is_wanted(
+@pytest.fixture
+def started(
     launch_file: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Beside the node, and in its namespace."""
-    (tmp_path / "mine.yaml").write_text("ar_builder:\n  ros__parameters: {}\n")
-    given = dict.fromkeys(launch_file.ARGUMENTS, "") | launch_file.DEFAULTS
-    given |= {"params_file": str(tmp_path / "mine.yaml"), "namespace": "/robot1/"}
+) -> Callable[..., list[Any]]:
+    """Return what the launch file starts with a text as params_file, and with arguments."""
     substitutions, actions = ModuleType("launch.substitutions"), ModuleType("launch_ros.actions")
     vars(substitutions)["LaunchConfiguration"] = lambda name: SimpleNamespace(
-        perform=lambda context: context[name]
+        perform=lambda context: context.launch_configurations[name]
     )
     vars(actions)["Node"] = SimpleNamespace
     for name in ("launch", "launch_ros"):
         monkeypatch.setitem(sys.modules, name, ModuleType(name))
     monkeypatch.setitem(sys.modules, "launch.substitutions", substitutions)
     monkeypatch.setitem(sys.modules, "launch_ros.actions", actions)
-    (node,) = launch_file.start(given)
-    node, guard = launch_file.start(given | {"guard": "true"})
-    assert (node.executable, node.namespace) == ("ar_builder", "robot1")
-    assert (guard.executable, guard.namespace) == ("ar_guard", "robot1")
+
+    def start(text: str, **arguments: str) -> list[Any]:
+        (tmp_path / "mine.yaml").write_text(text)
+        given = dict.fromkeys(launch_file.ARGUMENTS, "") | launch_file.DEFAULTS
+        given |= {"params_file": str(tmp_path / "mine.yaml")} | arguments
+        actions: list[Any] = launch_file.start(SimpleNamespace(launch_configurations=given))
+        return actions
+
+    return start
+
+
+def test_the_guard_is_started_where_it_is_wanted(started: Callable[..., list[Any]]) -> None:
+    """Beside the node, and in its namespace."""
+    text = "ar_builder:\n  ros__parameters: {}\n"
+    (node,) = started(text, namespace="/robot1/")
+    node, guard = started(text, namespace="/robot1/", guard="true")
+    assert (node.executable, node.namespace) == ("ar_builder", "/robot1")
+    assert (guard.executable, guard.namespace) == ("ar_guard", "/robot1")
     assert f'{guard.executable} = "are_ros.node.guard:main"' in PYPROJECT
+
+
+@pytest.mark.parametrize(("own", "seed"), [("", 1), ("front", 2), ("/front/", 3)])
+def test_a_pushed_namespace_counts(started: Callable[..., list[Any]], own: str, seed: int) -> None:
+    """As in Nav2's launch of several robots: launch puts the node there, so its section counts."""
+    names = "/robot1/ar_builder", "/robot1/front/ar_builder", "/front/ar_builder"
+    text = "/**: {ros__parameters: {seed: 0}}\n" + "".join(
+        f"{name}: {{ros__parameters: {{seed: {1 + i}}}}}\n" for i, name in enumerate(names)
+    )
+    (node,) = started(text, ros_namespace="/robot1", namespace=own)
+    assert read_ros_parameters(Path(node.parameters[0])) == {"seed": seed}
 
 
 def test_arguments_come_after_the_file(launch_file: Any, tmp_path: Path) -> None:
@@ -90,10 +114,23 @@ def test_arguments_come_after_the_file(launch_file: Any, tmp_path: Path) -> None
     (path,) = launch_file.parameters(given)
     assert read_ros_parameters(Path(path)) == {"seed": 5}
     given |= {"autostart": "False", "use_sim_time": "true"}
-    flags = {"use_sim_time": True, "autostart": False}
-    assert launch_file.parameters(given) == [path, flags]
     with pytest.raises(ValueError, match="'maybe' is neither true nor false"):
         launch_file.parameters(given | {"use_sim_time": "maybe"})
+
+
+def test_arguments_win_within_another_launch_file(
+    started: Callable[..., list[Any]], ros: RosWorld
+) -> None:
+    """One that sets a parameter of all nodes, which launch puts before the node's own."""
+    text = "ar_builder:\n  ros__parameters: {autostart: true, seed: 5}\n"
+    (node,) = started(text, autostart="false")
+    files = [word for path in node.parameters for word in ("--params-file", path)]
+    words = ["-p", "start_type_description_service:=false", *files]
+    taken = ros.make_node(
+        "ar_builder", arguments=words, automatically_declare_parameters_from_overrides=True
+    )
+    assert taken.get_parameter("seed").value == 5
+    assert taken.get_parameter("autostart").value is False
 
 
 @pytest.mark.parametrize("namespace", ["", "robot1"])
