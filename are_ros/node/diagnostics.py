@@ -230,11 +230,11 @@ def _lacking(snapshot: NodeSnapshot) -> list[InputSnapshot]:
 def robot_doubt(snapshot: NodeSnapshot) -> str:
     """Return the sentence about a pose of the robot that has not come for a while, or is off.
 
-    It is "" if the robot is on the map. Without the required inputs there is none: those come
-    first.
+    It is "" if the robot is on the map. Without the required inputs or a time there is none: those
+    come first.
     """
     is_early = snapshot.active_s < GRACE_S or bool(_lacking(snapshot))
-    if is_early:
+    if is_early or snapshot.is_without_clock:
         return ""
     if snapshot.robot_problem:
         return f"no pose of the robot, so nothing is perceived: {snapshot.robot_problem}"
@@ -270,11 +270,12 @@ _STATES: Final = {
 def statuses(snapshot: NodeSnapshot) -> list[Status]:
     """Return the status of each part of the node.
 
-    Of an inactive node these are state, clock and inputs; of an unconfigured one, state and clock.
+    Of an inactive node, and of one without a time on /clock, these are state, clock and inputs; of
+    an unconfigured one, state and clock.
     """
     found = [_state(snapshot), _clock(snapshot)]
     found += [input_status(entry, snapshot.active_s) for entry in snapshot.inputs]
-    if snapshot.state is not NodeState.ACTIVE:
+    if snapshot.state is not NodeState.ACTIVE or snapshot.is_without_clock:
         return found
     found += [
         *_frames(snapshot),
@@ -333,7 +334,7 @@ WITHOUT_CLOCK: Final = (
 
 def _clock(snapshot: NodeSnapshot) -> Status:
     values = {"use_sim_time": "true" if snapshot.uses_sim_time else "false"}
-    if snapshot.uses_sim_time and snapshot.is_without_clock:
+    if snapshot.is_without_clock:
         return Status(Level.ERROR, "clock", WITHOUT_CLOCK, values)
     if doubt := clock_doubt(snapshot):
         return Status(Level.ERROR, "clock", doubt, values)
@@ -342,7 +343,9 @@ def _clock(snapshot: NodeSnapshot) -> Status:
 
 
 def clock_doubt(snapshot: NodeSnapshot) -> str:
-    """Return a warning about two clocks, or one that differs from stamps by days; else ""."""
+    """Return a warning about a clock that stays away, two, or one days off the stamps; else ""."""
+    if snapshot.is_without_clock and snapshot.active_s >= GRACE_S:
+        return WITHOUT_CLOCK
     if snapshot.clocks > 1:
         return (
             f"{snapshot.clocks} publishers give /clock (two players, or a simulator and a player): "

@@ -12,12 +12,14 @@ import pytest
 from are_ros.bag.types import jazzy_typestore
 from are_ros.node.diagnostics import (
     FALLS_BEHIND,
+    WITHOUT_CLOCK,
     Level,
     NodeSnapshot,
     NodeState,
     PopulationSnapshot,
     SensorSnapshot,
     Status,
+    clock_doubt,
     encode_diagnostics,
     input_doubts,
     load_doubt,
@@ -145,6 +147,18 @@ def test_the_log_says_why_there_is_no_pose_of_the_robot() -> None:
     assert robot_doubt(replace(lost, active_s=4.9)) == ""
     assert robot_doubt(replace(lost, inputs=(NO_MAP,))) == ""
     assert robot_doubt(WELL) == ""
+
+
+def test_without_a_time_that_alone_is_told() -> None:
+    """Map and transforms wait for it: that they are missing would be wrong."""
+    lost = replace(WELL, robot_problem="no transform was received", camera_problem="no map")
+    waiting = replace(lost, uses_sim_time=True, is_without_clock=True)
+    names = [status.name for status in statuses(waiting)]
+    assert names[:2] == ["state", "clock"]
+    assert all(name.startswith("inputs/") for name in names[2:])
+    assert robot_doubt(waiting) == ""
+    assert clock_doubt(waiting) == WITHOUT_CLOCK
+    assert clock_doubt(replace(waiting, active_s=4.9)) == ""
 
 
 def test_an_optional_input_that_never_came() -> None:

@@ -97,6 +97,7 @@ def test_each_state_has_its_lines(make_bench: MakeBench) -> None:
     assert inactive == {name for name in inactive if name.startswith("inputs/")}
     assert len(inactive) == 13
     bench.change_state("activate")
+    bench.clock(1000.0)
     assert said(bench, "state") == (OK, "active")
     lines = {"frames/robot", "frames/camera", "cloud", "ticks", "population", "behaviours"}
     lines |= {"answers", "robot contact"}
