@@ -37,6 +37,7 @@ def validated(parameters: Parameters) -> Parameters:
     _check_target(parameters.occlusion)
     _check_prediction(parameters.certainty)
     _check_topics(parameters.sensors)
+    _check_wait(parameters)
     return replace(
         parameters,
         frames=_checked_frames(parameters.frames),
@@ -137,6 +138,15 @@ def _check_topics(sensors: SensorsParameters) -> None:
     for image in images:
         if images.count(image) > 1:
             raise ParameterError(f"parameter 'sensors.camera_infos': {image} is given twice")
+
+
+def _check_wait(parameters: Parameters) -> None:
+    wait_s, history_s = parameters.sensors.tf_wait, parameters.poses.history
+    if wait_s > history_s:
+        raise ParameterError(
+            f"parameter 'sensors.tf_wait': {wait_s:g} s is above poses.history, {history_s:g} s: "
+            "a scan that waited so long would go out without artefacts"
+        )
 
 
 def _checked_frames(frames: FramesParameters) -> FramesParameters:

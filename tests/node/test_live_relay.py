@@ -224,7 +224,7 @@ def malformed(fault: str) -> Any:
 
 def test_scans_that_waited_leave_before_the_node_rests(make_bench: MakeBench) -> None:
     """None comes after a later one, and none with artefacts after the pause."""
-    bench = make_bench({"sensors.tf_wait": 5.0}, "configure", "activate")
+    bench = make_bench({"sensors.tf_wait": 2.0}, "configure", "activate")
     scans, maps = bench.listen("scan", SCAN), bench.listen("augmented_map")
     bench.send("map", room())
     bench.send("tf_static", laser_mount())

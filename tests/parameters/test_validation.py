@@ -47,6 +47,7 @@ def test_the_defaults_are_valid() -> None:
             {"certainty.prediction_horizon": 0.1},
             ("'certainty.prediction_step': 0.5 s", "certainty.prediction_horizon, 0.1 s"),
         ),
+        ({"sensors.tf_wait": 2.5}, ("'sensors.tf_wait': 2.5 s", "above poses.history, 2 s")),
         ({"frames.map": ""}, ("'frames.map'", "empty")),
         ({"frames.map": "//"}, ("'frames.map'", "empty")),
     ],
