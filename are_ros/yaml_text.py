@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NoReturn
@@ -107,6 +108,9 @@ def read_yaml(path: Path, subject: str, error: type[AreError]) -> Any:
         text = path.read_text(encoding="utf-8")
     except (OSError, ValueError) as cause:
         reason = getattr(cause, "strerror", None) or "not UTF-8 text"
+        if isinstance(cause, FileNotFoundError) and not path.is_absolute():
+            with suppress(OSError):  # the present folder may be gone
+                reason += f" in {Path.cwd()}"
         raise error(f"{subject} cannot be read ({reason})") from cause
     return parse_yaml(text, subject, error)
 

@@ -85,6 +85,7 @@ def test_version_is_the_package_s() -> None:
         (("check", "a", "b"), ("(b)", "(see `are check --help`)")),
         (("replay", "a.bag", "--seed", "-1"), ("'--seed': -1 is not in the range x>=0",)),
         (("replay", "a.bag", "--skip", "all"), ("'--skip'", "'grids'")),
+        (("replay", "a.bag", "--seed", "x"), ("'--seed': 'x' is not a valid integer (see",)),
         (("replay", "a.bag", "--start", "nan"), ("'--start': 'nan' is not a number",)),
         (("replay", "a.bag", "--start", "-1"), ("'--start': -1 is less than 0",)),
         (("replay", "a.bag", "--duration", "inf"), ("'--duration': inf is more than 1e+09",)),

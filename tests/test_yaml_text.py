@@ -1,5 +1,6 @@
 """YAML text: what it says, and one sentence for all that is wrong with it."""
 
+import re
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -99,6 +100,19 @@ def test_a_line_is_named() -> None:
     """The line where the reader stumbles, counted from 1."""
     with pytest.raises(ParameterError, match="no valid YAML, line 3: "):
         parse_yaml("a: 1\nb:\n  c: d: e\n", "the text", ParameterError)
+
+
+def test_the_folder_where_a_file_was_sought_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the name does not tell it; the folder itself may be gone."""
+    monkeypatch.chdir(tmp_path)
+    reason = f"No such file or directory in {tmp_path}"
+    with pytest.raises(CatalogueError, match=re.escape(f"({reason})")):
+        read_yaml(Path("rows.yaml"), "it", CatalogueError)
+    tmp_path.rmdir()
+    with pytest.raises(CatalogueError, match=r"\(No such file or directory\)"):
+        read_yaml(Path("rows.yaml"), "it", CatalogueError)
 
 
 def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from are_ros.cli.options import (
     SECONDS,
     Amount,
     Command,
+    WholeNumber,
     animate_option,
     duration_option,
     octomap_option,
@@ -186,7 +187,7 @@ def check(recording: Path, map_file: Path | None, parameters_file: Path | None) 
 @click.option("--out", type=FILE, help="Page. [view.html beside the recording]")
 @animate_option
 @click.option("--live", is_flag=True, help="Serve the scene of the running node to a browser.")
-@click.option("--port", type=click.IntRange(0, 65535), help="For --live. [8080]")
+@click.option("--port", type=WholeNumber(0, 65535), help="For --live. [8080]")
 @click.option("--namespace", metavar="NAME", type=ROS_NAME, help="That of the node, for --live.")
 def view(
     recording: Path | None,
@@ -322,18 +323,18 @@ _MOST_COMPONENTS = 32
 @click.argument("source", metavar="INPUT", type=FILE)
 @click.option(
     "--rows",
-    type=click.IntRange(2, _MOST_ROWS),
+    type=WholeNumber(2, _MOST_ROWS),
     help="Rows that can occur, where there is no catalogue.",
 )
 @click.option("--catalogue", "catalogue_file", metavar="FILE", type=FILE, help="Its rows occur.")
 @click.option(
     "--components",
-    type=click.IntRange(1, _MOST_COMPONENTS),
+    type=WholeNumber(1, _MOST_COMPONENTS),
     help="Number n of components. [by BIC]",
 )
 @click.option(
     "--max-components",
-    type=click.IntRange(1, _MOST_COMPONENTS),
+    type=WholeNumber(1, _MOST_COMPONENTS),
     default=8,
     show_default=True,
     help="Most components that BIC may choose.",
@@ -344,7 +345,7 @@ _MOST_COMPONENTS = 32
 @params_option
 @click.option(
     "--seed",
-    type=click.IntRange(min=0),
+    type=WholeNumber(min=0),
     default=0,
     show_default=True,
     help="Seed of the random starts.",

@@ -52,6 +52,12 @@ class Amount(FloatParamType):
         return number
 
 
+class WholeNumber(click.IntRange):
+    """A whole number with bounds; click's own says that 'x' is no "integer range"."""
+
+    name = "integer"
+
+
 SECONDS: Final = Amount("seconds")
 """A time in a recording, or a length of time."""
 
@@ -182,7 +188,7 @@ set_option = click.option(
 parameter_options = _all_of(
     params_option,
     set_option,
-    click.option("--seed", type=click.IntRange(min=0), help="Seed of every random draw."),
+    click.option("--seed", type=WholeNumber(min=0), help="Seed of every random draw."),
 )
 
 

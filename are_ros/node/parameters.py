@@ -204,8 +204,8 @@ class ParameterBridge:
             if not item.live and value_at(candidate, path) != value_at(self.values, path):
                 name = self._node.get_fully_qualified_name()
                 message = (
-                    f"parameter '{path}': it takes effect at configure; deactivate and clean up the"
-                    f" node first (ros2 lifecycle set {name} deactivate, then the same with"
+                    f"parameter '{path}': it takes effect at configure; clean up the node first (if"
+                    f" it is active: ros2 lifecycle set {name} deactivate; then the same with"
                     " cleanup)"
                 )
                 raise ParameterError(message)

@@ -188,8 +188,8 @@ def test_what_takes_effect_at_configure_waits_for_a_cleanup(bench: Bench) -> Non
     """While the node is configured it is refused, also beside a good value; the sentence helps."""
     said = bench.set_together(camera__width=32, occlusion__tau=5)
     assert said == (
-        "parameter 'camera.width': it takes effect at configure; deactivate and clean up the node"
-        " first (ros2 lifecycle set /ar_builder deactivate, then the same with cleanup)"
+        "parameter 'camera.width': it takes effect at configure; clean up the node first (if"
+        " it is active: ros2 lifecycle set /ar_builder deactivate; then the same with cleanup)"
     )
     assert bench.set(seed=3).startswith("parameter 'seed': it takes effect at configure")
     assert values(bench)["occlusion.tau"] == 0

@@ -350,8 +350,8 @@ def test_what_takes_effect_at_configure_is_refused_when_fixed(bench: Bench) -> N
         assert bench.set_each(same) == [""]
     (reason,) = bench.set_each(Parameter("seed", value=7))
     assert reason == (
-        "parameter 'seed': it takes effect at configure; deactivate and clean up the node first"
-        " (ros2 lifecycle set /ar_builder deactivate, then the same with cleanup)"
+        "parameter 'seed': it takes effect at configure; clean up the node first (if it is"
+        " active: ros2 lifecycle set /ar_builder deactivate; then the same with cleanup)"
     )
     assert bench.bridge.values == Parameters()
     bench.is_fixed = False

@@ -130,7 +130,7 @@ CASES = (
     ),
     ((*STATIC, "1 2 3 4 5 6 a /a"), "parent and child must be two frames"),
     # maps and octomaps
-    ((*MAP, "none.yaml"), "none.yaml: the map file cannot be read (No such file or directory)"),
+    ((*MAP, "none.yaml"), "none.yaml: the map file cannot be read (No such file or directory in /"),
     ((*MAP, "open.yaml"), "open.yaml: the map file is no valid YAML"),
     ((*MAP, "list.yaml"), "list.yaml: the map file is no mapping"),
     ((*MAP, "no_image.yaml"), "no_image.yaml: the field image is missing"),
@@ -151,7 +151,7 @@ CASES = (
     ((*TOPIC, "scan:=/scan", "--topic", "scan:=/nix"), "has no scan '/nix'; its scans: /scan"),
     ((*TOPIC, "scan:=/odom"), "that topic is of type nav_msgs/msg/Odometry"),
     # parameters
-    ((*PARAMS, "none.yaml"), "none.yaml cannot be read (No such file or directory)"),
+    ((*PARAMS, "none.yaml"), "none.yaml cannot be read (No such file or directory in /"),
     ((*PARAMS, "open.yaml"), "open.yaml is no valid YAML, line 2: "),
     ((*PARAMS, "list.yaml"), "list.yaml: its top level is not a mapping"),
     ((*PARAMS, "bare.yaml"), "bare.yaml: 'ar_builder' has no ros__parameters mapping"),
@@ -177,7 +177,7 @@ CASES = (
     ((*SET, "camera.mount:=[1, 2]"), "parameter 'camera.mount': 2 numbers, not 6"),
     ((*SET, "robot.footprint:='[[1, 2]]'"), "footprint"),
     # files that parameters name
-    ((*SET, "catalogue:=none.yaml"), "none.yaml cannot be read (No such file or directory)"),
+    ((*SET, "catalogue:=none.yaml"), "none.yaml cannot be read (No such file or directory in /"),
     ((*SET, "catalogue:=rows.yaml"), "rows.yaml: classes must map"),
     ((*SET, "population.region:=zones"), "population.region is zones, but population.zones"),
     ((*SET, "population.zones:=none.yaml"), "none.yaml: the zones file cannot be read (No such"),
