@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Container, Iterable, Mapping
-from time import monotonic_ns
+from time import monotonic_ns, sleep
 from typing import Final, NamedTuple, Protocol
 
 from are_ros.agents.events import ArtefactEvent
@@ -40,6 +40,8 @@ _MOVING: Final = ("tf", "odom", "tf_static")
 _LISTENS_NS: Final = NS_PER_S // 100
 """So long the node listens after a scan's deadline before it judges it, by the wall's clock. A
 process that was stopped has to get from the network first what came meanwhile."""
+_STALL_NS: Final = NS_PER_S // 10
+"""A tick that is later than this was late for the transforms, too."""
 _LISTENS_MOST_NS: Final = NS_PER_S
 """So long after its deadline no scan is kept back, however late the node always is."""
 _NONE_NS: Final = -(2**63)
@@ -108,6 +110,7 @@ class LiveBuilder:
         self._now_ns = 0
         self._said_ns: int | None = None
         self._look_ns: int | None = None
+        self._worked_ns = monotonic_ns()
         self._has_prepared = False
         self._views: list[ViewModel] = []
         self._shown: Environment | None = None
@@ -156,6 +159,7 @@ class LiveBuilder:
             return
         ticks, offered = self.watch.count, self._offered
         self._has_prepared = False
+        self._read_what_ticks_are_late_for(now_ns)
         self._read_what_sensors_wait_for(now_ns)
         self.builder.judges_until_ns = _NONE_NS
         while self._stored:
@@ -173,6 +177,7 @@ class LiveBuilder:
             self.busy.call_it("arrivals")
         elif self.watch.count != ticks:
             self.busy.call_it("ticks")
+        self._worked_ns = monotonic_ns()
 
     def next_due_ns(self) -> int | None:
         """Return when `work` has something to do unless an input comes, None if never."""
@@ -221,6 +226,29 @@ class LiveBuilder:
         """The number of arrivals so far, those without a place included."""
         counts = self.builder.lives.population.counts
         return counts.arrived + counts.blocked
+
+    def _read_what_ticks_are_late_for(self, now_ns: int) -> None:
+        """Let what moved while the node stood still count from the first tick that is late for it.
+
+        A tick looks at no stamp after its own: so the robot is where it was then, and a contact is
+        told in time. By /clock, log times decide, as in a replay.
+        """
+        if not self.is_running or self._schedule is None or self._inbox.is_time_simulated():
+            return
+        due_ns = self._schedule.next_ns
+        if not _STALL_NS < now_ns - due_ns <= _MOST_MISSED_NS:
+            return
+        if monotonic_ns() - self._worked_ns > _STALL_NS:
+            sleep(_LISTENS_NS / NS_PER_S)
+        for message in self._inbox.waiting(_MOVING):
+            self.store(message, now_ns)
+        since = (
+            _Stored(message, min(received_ns, due_ns - 1))
+            if self._roles[message.topic] in _MOVING
+            else _Stored(message, received_ns)
+            for message, received_ns in self._stored
+        )
+        self._stored = deque(sorted(since, key=lambda stored: stored.received_ns))
 
     def _read_what_sensors_wait_for(self, now_ns: int) -> None:
         """Store the transforms that came before `now_ns`, if a scan's deadline has passed by it.

@@ -486,6 +486,24 @@ def test_what_came_in_a_stall_counts_for_the_scans_of_before_it(
     assert rig.live.builder.sensors.counts()["/scan"] == SensorPathCounts(exact=1)
 
 
+@pytest.mark.parametrize("is_held", [True, False])
+def test_late_ticks_have_the_pose_of_their_own_time(rig: Rig, *, is_held: bool) -> None:
+    """The robot drove on while the node stood still; DDS holds that, or callbacks stored it."""
+    rig.inbox.is_simulated = False
+    rig.place(3.0, 2.0, 10.05)
+    rig.work(10.1)
+    moves = [robot_at(10.2), robot_at(10.3, x=2.9), robot_at(10.6, x=2.9)]
+    if is_held:
+        rig.inbox.held = [("tf", move) for move in moves]
+    else:
+        for move in moves:
+            rig.store("tf", move, 10.65)
+    rig.work(10.65)
+    assert rig.stamps() == [10_100, 10_200, 10_300, 10_400, 10_500, 10_600]
+    (contact,) = (e for e in rig.live.take_events() if e.kind is EventKind.ROBOT_CONTACT)
+    assert ns(10.2) < contact.stamp_ns <= ns(10.3)
+
+
 def test_what_was_stored_in_a_stall_counts_too(rig: Rig) -> None:
     """A scan's callback came first, and what the transform's stored lies behind its deadline."""
     rig.store("tf_static", laser_mount(), 10.05)
