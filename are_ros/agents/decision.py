@@ -393,6 +393,8 @@ class DecisionLayer:
         ):
             is_late = way_out.is_late_after(situation, settings.decision_period)
             way_out.is_time = is_late or self._is_time(request, prospect)
+            if prospect.kind is Prospects.NO_WAY:
+                way_out.give_up()
 
     def _is_time(self, request: NavigationRequest, prospect: Prospect) -> bool:
         """Return whether an agent has to set out for its exit now."""

@@ -559,6 +559,26 @@ def test_one_sets_out_while_it_can_still_walk_to_its_exit() -> None:
     assert town.x_m == 0.0
 
 
+def test_one_gives_up_an_exit_without_a_way_before_it_sets_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The nearest one is behind a gap that it does not fit through: it still reaches the next."""
+    shut_m = PLACES_M["beside"]
+
+    def prospects(_: Ways, requests: Sequence[NavigationRequest], *__: Any) -> list[Prospect]:
+        goals_m = [request.intent.goal_m for request in requests]
+        return [Prospect(Prospects.NO_WAY if m == shut_m else Prospects.STRAIGHT) for m in goals_m]
+
+    monkeypatch.setattr(Ways, "prospects", prospects)
+    town = _town_of_one_who_leaves(30.0)
+    town.ways.places = Destinations(town.ways.places.destinations_m, np.array([shut_m, (0.0, 0.0)]))
+    _watched(town, ())
+    for second in range(2):
+        town.decide(20 * second)
+        assert town.table.artefacts[0].behaviour == "walking"
+    assert _exit_of_one(town) == PLACES_M["exit"]
+
+
 def test_a_row_that_leaves_by_itself_walks_to_an_exit_at_once() -> None:
     """It waits there for the end of its life, which is long after."""
     town = Town()

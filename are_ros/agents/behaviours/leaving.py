@@ -85,14 +85,22 @@ class WalkingOut:
     """Walks to an exit out of the robot's sight, and waits there for the end of its life.
 
     `exit_m` is that exit, None while none is needed. It `is_time` when an epoch spent otherwise
-    would make the artefact late; then no other behaviour is drawn any more.
+    would make the artefact late; then no other behaviour is drawn any more. No way was found to
+    `unreachable_m`; they are tried again when no other place is left.
     """
 
     name: ClassVar[str] = Leaving.name
 
     def __init__(self) -> None:
         self.exit_m: Point | None = None
+        self.unreachable_m: set[Point] = set()
         self.is_time = False
+
+    def give_up(self) -> None:
+        """Look for another exit, because no way leads to this one."""
+        if self.exit_m is not None:
+            self.unreachable_m.add(self.exit_m)
+            self.exit_m = None
 
     def decide(self, situation: Situation) -> Intent:
         """Return the intent to walk to the exit, or to wait there."""
@@ -121,13 +129,16 @@ def early_s(situation: Situation) -> float:
 
 
 def choose_exits(leaving: Sequence[tuple[WalkingOut, Situation]], hides: Hides) -> None:
-    """Choose exits of artefacts, given their situations, if the last is in view or too far away.
+    """Choose exits of artefacts if the last is in view, too far away, or no way leads there.
 
     No camera sees the exit now, and if possible walls are between it and the robot: else the robot
     sees it as soon as it turns. It is the first of these: an exit, if there is time to get there;
     where the artefact stands; a point near by to which it has a straight way; the last exit; the
     nearest exit or destination. If none is behind a wall, it is the first that no camera sees now.
     """
+    for way_out, situation in leaving:
+        if situation.no_way and situation.wanted(way_out.exit_m):
+            way_out.give_up()
     known = [way_out for way_out, _ in leaving if way_out.exit_m is not None]
     lasts_m = np.array([way_out.exit_m for way_out in known]).reshape(-1, 2)
     for way_out, is_hidden in zip(known, hides(lasts_m), strict=True):
@@ -144,13 +155,19 @@ def choose_exits(leaving: Sequence[tuple[WalkingOut, Situation]], hides: Hides) 
                 _hidden(places.exits_m, hides),
                 _hidden(places.destinations_m, hides),
             )
+        exits_m, destinations_m = (
+            [point for point in points if point not in way_out.unreachable_m]
+            for points in hidden_m[places]
+        )
         for behind_wall in (True, False):
             found_m = _places_out_of_sight(
-                situation, *hidden_m[places], last_m, hides, behind_wall=behind_wall
+                situation, exits_m, destinations_m, last_m, hides, behind_wall=behind_wall
             )
             way_out.exit_m = next(found_m, None)
             if way_out.exit_m is not None:
                 break
+        else:
+            way_out.unreachable_m.clear()
 
 
 def _places_out_of_sight(

@@ -102,3 +102,20 @@ def test_a_point_behind_a_wall_is_better_if_there_is_time(left_s: float, is_behi
     robot = Actor(1, Leaving(), (0.0, 0.0)).as_fellow()
     assert SCREENED.sees(robot, *found_m) != is_behind
     assert abs(found_m[1]) > 0.3 * found_m[0]
+
+
+def test_an_exit_without_a_way_is_given_up_for_the_next() -> None:
+    """When no place is left, all of them are tried again."""
+    exits_m, robot = [(-3.0, 1.0), (-2.0, 5.0)], robot_at((0.0, 0.0))
+    actor, way_out = Actor(0, WalkingOut(), (-1.0, 1.0), no_way=True), WalkingOut()
+
+    def hides(points_m: np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, Any]:
+        return np.array([tuple(point_m) in exits_m for point_m in points_m.tolist()], np.bool_)
+
+    chosen_m = []
+    for _ in range(4):
+        situation = actor.situation(SCREENED, places_at([], exits_m), robot)._replace(left_s=60.0)
+        choose_exits([(way_out, situation)], hides)
+        actor.last = way_out.decide(situation)
+        chosen_m.append(way_out.exit_m)
+    assert chosen_m == [*exits_m, None, exits_m[0]]
