@@ -109,7 +109,10 @@ def _open_points(environment: Environment, radius_m: float) -> npt.NDArray[np.fl
 
     open_cells = environment.clearance_m > radius_m + _ROOM_M
     if not open_cells.any():
-        raise MapError("the robot fits nowhere on the map")
+        raise MapError(
+            f"the robot fits nowhere on the map: a soak wants its radius of {radius_m:g} m "
+            f"(robot.radius) and {_ROOM_M:g} m around it free"
+        )
     _, labels, stats, _ = cv2.connectedComponentsWithStats(open_cells.view(np.uint8))
     largest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
     cells = np.argwhere(labels == largest)

@@ -150,7 +150,7 @@ def test_where_nobody_lives_nothing_is_judged() -> None:
     """No arrivals, or no room for the robot, is an error at once."""
     with pytest.raises(ParameterError, match="nobody"):
         soaked(room(), 1.0, parameters(0.0))
-    with pytest.raises(MapError, match="fits nowhere"):
+    with pytest.raises(MapError, match=r"fits nowhere .* 0.22 m .*robot.radius.* 0.15 m around it"):
         soaked(room(0.4), 1.0, parameters(0.01))
 
 
