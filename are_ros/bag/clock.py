@@ -54,6 +54,14 @@ def _is_base(frame: str, name: str) -> bool:
     return frame == name or frame.endswith(f"/{name}")
 
 
+def chain_above(frame: str, parents: Mapping[str, str]) -> list[str]:
+    """Return a frame and the parents above it, `parents` by child; those of a ring come once."""
+    chain = [frame]
+    while (above := parents.get(chain[-1])) is not None and above not in chain:
+        chain.append(above)
+    return chain
+
+
 Ints = npt.NDArray[np.int64]
 Edge = tuple[str, str]
 

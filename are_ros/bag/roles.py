@@ -1,17 +1,22 @@
 """The roles of topics: the inputs of the node, found among the topics of a recording."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
+from are_ros.bag.clock import base_frame_of, chain_above
 from are_ros.bag.reader import BagReader, BagTopic
 from are_ros.bag.recording import PREFIX
 from are_ros.bag.types import OCTOMAP_TYPE
-from are_ros.errors import BagError
+from are_ros.builder.assembly import parse_static_transforms
+from are_ros.conventions import NS_PER_S
+from are_ros.errors import BagError, InputError
 from are_ros.messages.images.image import camera_info_topic, raw_topic
 from are_ros.messages.sensors import SENSORS
-from are_ros.parameters.model import SensorsParameters
+from are_ros.parameters.model import FramesParameters, SensorsParameters
 from are_ros.wording import listed
 
 TF_TYPES: Final = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
@@ -56,6 +61,8 @@ _NOT_READ: Final[Mapping[str, Sequence[str]]] = {
 }
 """Other forms in which drivers publish a sensor's readings, by role."""
 
+_SETTLED_NS: Final = 5 * NS_PER_S
+"""So long after a cloud has come, tf has told where its frame is."""
 _UPDATE_TYPE: Final = "map_msgs/msg/OccupancyGridUpdate"
 _TELLTALES: Final = {
     OCTOMAP: "octomap",
@@ -149,20 +156,61 @@ def find_roles(
     return RolesFound(tuple(found.values()), standing)
 
 
-def standing_clouds(reader: BagReader, map_frame: str) -> dict[str, str]:
-    """Return the frames of clouds that are in the map's or in one of odometry, by topic.
+def standing_clouds(reader: BagReader, given: FramesParameters) -> dict[str, str]:
+    """Return the frames of clouds that do not move with the robot, by topic.
 
-    As clouds of a mapper, or of a costmap: no sensor is there, from which their rays would come.
+    They are in the map's frame, in one of odometry, or in one in which tf moves the base. As clouds
+    of a mapper, or of a costmap: no sensor is there, from which their rays would come.
     """
     filled = [topic for topic in reader.topics if topic.count > 0]
     first = {topic.name: reader.first_object(topic.name) for topic in filled if _may_stand(topic)}
     first = {name: one for name, one in first.items() if hasattr(one, "header")}
     told = [one for one in first.values() if getattr(one, "child_frame_id", "")]
-    frames = {map_frame.lstrip("/"), *(one.header.frame_id.lstrip("/") for one in told)}
-    frames -= {"", *(one.child_frame_id.lstrip("/") for one in told)}
+    children = [one.child_frame_id.lstrip("/") for one in told]
+    frames = {given.map.lstrip("/"), *(one.header.frame_id.lstrip("/") for one in told)}
+    frames -= {"", *children}
     clouds = {name: one for name, one in first.items() if not hasattr(one, "child_frame_id")}
     placed = {name: one.header.frame_id.lstrip("/") for name, one in clouds.items()}
+    unclear = {name: frame for name, frame in placed.items() if frame not in frames}
+    if unclear:
+        frames |= _frames_left_behind(reader, given, unclear, next(iter(children), ""))
     return {name: frame for name, frame in placed.items() if frame in frames}
+
+
+def _frames_left_behind(
+    reader: BagReader, given: FramesParameters, unclear: Mapping[str, str], odometry_child: str
+) -> set[str]:
+    """Return the frames in which tf moves the robot's base, as a lidar odometry's camera_init.
+
+    It reads on until the clouds of `unclear`, whose frames these are by topic, have come for a
+    while, and to the end where nothing above the base has moved yet.
+    """
+    topics = [topic.name for topic in reader.topics if topic.type_name in TF_TYPES]
+    static = [name for name in topics if "static" in name]
+    moving = [name for name in topics if name not in static]
+    firsts = [one.log_time_ns for one in map(reader.first, unclear) if one is not None]
+    known_ns = max(firsts, default=0) + _SETTLED_NS
+    parents = {child: parent for parent, child, _ in parse_static_transforms(given.static)}
+    first, moved = dict[tuple[str, str], Any](), set[str]()
+
+    def left_behind() -> tuple[set[str], set[str]]:
+        """Return the frames above the base, and those of them below which it has moved."""
+        base = given.base or base_frame_of({*parents, *parents.values()}, odometry_child)
+        way = chain_above(base, parents)
+        return set(way[1:]), {frame for k, frame in enumerate(way) if moved & {*way[:k]}}
+
+    for message in chain(*(reader.messages(names) for names in (static, moving) if names)):
+        with suppress(InputError):
+            for parent, child, _, *pose in reader.transforms(message):
+                names = parent.lstrip("/"), child.lstrip("/")
+                parents.setdefault(names[1], names[0])
+                if message.topic in moving and first.setdefault(names, pose) != pose:
+                    moved.add(names[1])
+        if message.topic in moving and message.log_time_ns > known_ns:
+            above, behind = left_behind()
+            if behind >= above.intersection(unclear.values()):
+                break
+    return left_behind()[1]
 
 
 def _may_stand(topic: BagTopic) -> bool:

@@ -108,7 +108,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
     stopwatch = Stopwatch()
     with BagReader(options.bags) as reader:
         with stopwatch.phase("start_up"):
-            clouds = standing_clouds(reader, options.parameters.frames.map)
+            clouds = standing_clouds(reader, options.parameters.frames)
             roles = find_roles(reader.topics, options.topics, clouds)
             _say_what_is_missing(options, reader, roles, say)
             timeline = Timeline.of(reader, options, roles)

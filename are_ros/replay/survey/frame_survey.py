@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.bag.clock import chain_above
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import FrameError
 from are_ros.messages.transforms import StampedTransform
@@ -286,14 +287,6 @@ def connected_to(frame: str, edges: Iterable[tuple[str, str]]) -> frozenset[str]
         reached |= new
         waiting.extend(new)
     return frozenset(reached)
-
-
-def chain_above(frame: str, parents: Mapping[str, str]) -> list[str]:
-    """Return a frame and the parents above it, `parents` by child; those of a ring come once."""
-    chain = [frame]
-    while (above := parents.get(chain[-1])) is not None and above not in chain:
-        chain.append(above)
-    return chain
 
 
 def root_above(frame: str, parents: Mapping[str, str]) -> str:

@@ -129,7 +129,7 @@ def inspect_bag(
     `overrides` are the user's topics by role, `sensors` all topics of each sensor's role. BagError
     as `find_roles` and the reader, ParameterError as `parse_static_transforms` and `lens_topics`.
     """
-    clouds = standing_clouds(reader, parameters.frames.map)
+    clouds = standing_clouds(reader, parameters.frames)
     roles = find_roles(reader.topics, overrides or {}, clouds)
     named = {topic: role for role, topics in sensors.items() for topic in topics}
     for topic, role in named.items():

@@ -546,6 +546,44 @@ def test_a_cloud_in_the_frame_of_the_map_or_of_odometry_is_no_reading(
     assert any(f"it is in {frame}, where no sensor is" in s for s in roles.sentences()) != is_sensor
 
 
+@pytest.mark.parametrize(
+    ("frame", "is_moving", "is_sensor"),
+    [
+        ("camera_init", True, False),
+        ("map", True, False),
+        ("camera_init", False, True),
+        ("body", True, True),
+        ("lidar", True, True),
+    ],
+)
+def test_a_cloud_in_a_frame_in_which_tf_moves_the_robot_is_no_reading(
+    tmp_path: Path,
+    factory: RosbagsFactory,
+    write_bag: WriteBag,
+    *,
+    frame: str,
+    is_moving: bool,
+    is_sensor: bool,
+) -> None:
+    """As the registered cloud of a lidar odometry; without odometry, tf alone knows that frame.
+
+    A lidar above the base by a joint that /tf repeats is on the robot.
+    """
+    edges = [("map", "camera_init"), ("body", "base_link"), ("body", "lidar")]
+    joints = [transform(parent, child, 0) for parent, child in edges]
+    records = [("/tf_static", 0, make_transforms(factory, joints[:1]))]
+    for k in range(80):
+        place = (0.1 * k * is_moving, 0.0, 0.0)
+        moved = StampedTransform("camera_init", "body", k * S // 10, place, (0.0, 0.0, 0.0, 1.0))
+        now = [one._replace(stamp_ns=moved.stamp_ns) for one in joints[1:]]
+        records.append(("/tf", k * S // 10, make_transforms(factory, [moved, *now])))
+    cloud = factory.make("sensor_msgs/msg/PointCloud2", header=make_header(factory, frame, S))
+    path = write_bag(tmp_path / "cloud.mcap", [*records, ("/cloud_registered", S, cloud)])
+    roles = inspected(path).roles
+    assert roles.topic("points") == ("/cloud_registered" if is_sensor else None)
+    assert any(f"it is in {frame}, where no sensor is" in s for s in roles.sentences()) != is_sensor
+
+
 def test_messages_without_a_frame_are_told(
     complete: Path, tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
 ) -> None:
