@@ -172,6 +172,8 @@ _WIDE_GAP, _WIDE_GAP_OF_STRIPE = 1.5, 4.0
 points are at random, some gaps are wide by chance."""
 _NEAREST: Final = 16
 """So many neighbours tell how dense directions are, in a lattice as well as at random."""
+_OF_OWN_RING: Final = 0.5
+"""Of this share of the returns the nearest one is on their own ring."""
 WIDEST_GAP_RAD: Final = math.radians(10.0)
 """A sensor does not look at where nothing comes back on any row over more than this."""
 _RING_GAP_RAD, _RING_WIDTH_RAD = np.radians(0.1), np.radians(0.08)
@@ -192,15 +194,22 @@ def rays_between(directions: _Floats, rows: npt.NDArray[Any] | None) -> tuple[_I
     """
     if len(directions) < _FEWEST:
         return _NO_RAYS
+    from scipy.spatial import cKDTree
+
     to_pole = np.eye(3)[_axes_about_pole(directions)]
     rings = None
     if rows is not None:
         rings, to_pole = _numbered_rings(directions, rows, to_pole)
+    if rings is None:
+        rings = _rings(_laser_angles(product(directions, to_pole.T))[:, 1])
+    tree: Any = None
+    if rings is None:
+        tree = cKDTree(directions)
+        rings, to_pole = _turned_rings(directions, tree, to_pole)
     azimuths, elevations = _laser_angles(product(directions, to_pole.T)).T
-    rings = _rings(elevations) if rings is None else rings
     spacing_rad = 0.0
     if rings is None:
-        spacing_rad = _spacing(directions)
+        spacing_rad = _spacing(directions, tree)
         rings = np.unique(np.floor(elevations / spacing_rad), return_inverse=True)[1]
     by_ring = np.argsort(rings.astype(np.min_scalar_type(rings.max())), kind="stable")
     neighbours, turns, heights = list[_Indices](), list[_Floats](), list[_Floats]()
@@ -238,15 +247,42 @@ def _numbered_rings(
     counts = np.bincount(rings)
     middles = np.stack([np.bincount(rings, axis) for axis in directions.T], axis=1)
     apart = directions - (middles / counts[:, None])[rings]
-    _, axes = np.linalg.eigh(product(apart.T, apart))
-    pole = axes[:, 0] * (1.0 if axes[np.abs(axes[:, 0]).argmax(), 0] > 0.0 else -1.0)
-    ahead = np.cross(axes[:, 2], pole)
-    turned = np.stack((ahead, np.cross(pole, ahead), pole))
+    turned = _axes_across(apart)
     for found, width in ((to_pole, _ROW_WIDTH), (turned, _TURNED_ROW_WIDTH)):
         off = np.abs(product(apart, found[2:].T))
         if float(np.median(off)) <= width:
             return rings, found
     return None, to_pole
+
+
+def _axes_across(vectors: _Floats) -> _Floats:
+    """Return axes (3, 3) of which the last, the pole, is square to vectors (N, 3) at the best."""
+    _, axes = np.linalg.eigh(product(vectors.T, vectors))
+    pole = axes[:, 0] * (1.0 if axes[np.abs(axes[:, 0]).argmax(), 0] > 0.0 else -1.0)
+    ahead = np.cross(axes[:, 2], pole)
+    return np.stack((ahead, np.cross(pole, ahead), pole))
+
+
+def _turned_rings(
+    directions: _Floats, tree: Any, to_pole: _Floats
+) -> tuple[_Indices | None, _Floats]:
+    """Return the rings (N,) by elevation about another pole than that of `to_pole`, and its axes.
+
+    In a cloud that is tilted against its laser a point and the nearest one, mostly of its own ring,
+    are at the same elevation about the laser's axis. No rings if there are none.
+    """
+    some = slice(None, None, max(1, len(directions) // _SAMPLE))
+    along = directions[tree.query(directions[some], k=[2])[1][:, 0]] - directions[some]
+    along = along[np.abs(along).max(axis=1) > 0.0]
+    if len(along) < _FEWEST:
+        return None, to_pole
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    turned = _axes_across(along)
+    for _ in range(_ROUNDS):  # some of the nearest are of another ring
+        off = np.abs(product(along, turned[2:].T))[:, 0]
+        turned = _axes_across(along[off <= np.quantile(off, _OF_OWN_RING)])
+    rings = _rings(_laser_angles(product(directions, turned.T))[:, 1])
+    return rings, to_pole if rings is None else turned
 
 
 def _rings(elevations: _Floats) -> _Indices | None:
@@ -265,11 +301,11 @@ def _rings(elevations: _Floats) -> _Indices | None:
     return rings
 
 
-def _spacing(directions: _Floats) -> float:
-    """Return the angle [rad] between neighbours in a lattice as dense as directions (N, 3)."""
-    from scipy.spatial import cKDTree
+def _spacing(directions: _Floats, tree: Any) -> float:
+    """Return the angle [rad] between neighbours in a lattice as dense as directions (N, 3).
 
-    tree = cKDTree(directions)
+    The tree holds these.
+    """
     some = directions[:: max(1, len(directions) // _SAMPLE)]
     count = min(_NEAREST, len(directions) - 1)
     apart, _ = tree.query(some, k=[1 + count])

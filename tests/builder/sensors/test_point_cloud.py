@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -273,16 +274,18 @@ def test_lines_of_a_laser_that_does_not_scan_line_by_line_are_no_rows() -> None:
     np.testing.assert_array_equal(after.points_m(), without.points_m())
 
 
+@pytest.mark.parametrize("has_rings", [True, False])
 @pytest.mark.parametrize("tilt_rad", [0.2, -1.5])
-def test_rows_of_a_tilted_frame_have_another_pole(tilt_rad: float) -> None:
+def test_rows_of_a_tilted_frame_have_another_pole(tilt_rad: float, *, has_rings: bool) -> None:
     """A turning laser in a frame along whose z it does not turn: the same rays are missing."""
     tilted = RigidTransform.from_xyz_ypr(0.0, 0.0, 0.0, 0.0, 0.4, tilt_rad)
     rays = laser_rays(ELEVATIONS, AZIMUTHS).reshape(-1, 3)
     rings = np.repeat(np.arange(len(ELEVATIONS), dtype=np.uint8), 900)
     is_there = np.random.default_rng(7).random(len(rays)) > 0.2
-    rays, rings = 8.0 * rays[is_there], rings[is_there][None]
-    straight = cloud_of(rays[None], "f8", ring=rings).augmented(HERE, obstacles())
-    cloud = cloud_of(tilted.inverse().apply(rays)[None], "f8", ring=rings)
+    rays = 8.0 * rays[is_there]
+    others: dict[str, Any] = {"ring": rings[is_there][None]} if has_rings else {}
+    straight = cloud_of(rays[None], "f8", **others).augmented(HERE, obstacles())
+    cloud = cloud_of(tilted.inverse().apply(rays)[None], "f8", **others)
     after = cloud.augmented(HERE @ tilted, obstacles())
     assert straight.width > len(rays) + 80
     assert after.width == straight.width
