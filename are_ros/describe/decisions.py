@@ -357,7 +357,8 @@ def decision_lines(
     reaches = listed([f"{reach}" for reach in model.reaches])
     cells = "cell" if reaches == "1" else "cells"
     speeds = listed([f"{speed:.2g} m/s" for speed in paces_mps(row)])
-    effort = listed([f"{price:.3g}" for price in model.effort])
+    paces = zip(model.effort, paces_mps(row), strict=True)
+    effort = listed([f"{price:.3g} at {speed:.2g} m/s" for price, speed in paces])
     turns = f"{model.quarter_turn:.3g} for a quarter turn, {model.half_turn:.3g} for a half"
     walls = f"{model.clearance:.3g} beside walls"
     runs = [f"{percent(one.running_share)} at {one.left_s:g} s" for one in journey.horizons]
@@ -365,7 +366,8 @@ def decision_lines(
         ("reach", f"{reaches} {cells} of {coarse.cell_size_m:g} m in an epoch ({speeds})"),
         ("epoch", f"{settings.decision_period:g} s, horizon {journey.horizons[-1].left_s:g} s"),
         ("prices", f"of an epoch {model.time:.3g}, and {walls}; {model.rest:.3g} less for a stop"),
-        ("", f"effort {effort} by pace; {turns}"),
+        ("", f"effort {effort}"),
+        ("", turns),
         ("goal", f"worth {model.goal:.3g}; late: {model.late:g} times the rest of the way"),
         ("policy", f"temperature {settings.temperature:g}, persistence {settings.persistence:g} s"),
         ("slip", slip if row.slip is None else f"{slip}, of the row"),

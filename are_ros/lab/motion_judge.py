@@ -174,7 +174,7 @@ class Verdict:
         return rows
 
     def _behaviours(self) -> list[tuple[str, ...]]:
-        rows: list[tuple[str, ...]] = [("behaviour", "minutes", "m/s", "arrivals/min")]
+        rows: list[tuple[str, ...]] = [("behaviour", "minutes", "m/s", "pauses/min")]
         for name, lived_s in sorted(self.lived_s.items()):
             speed_mps = self.travelled_m.get(name, 0.0) / lived_s
             rate = self.arrivals_per_minute(name)

@@ -1029,7 +1029,9 @@ def test_a_range_beside_a_scan_may_come_from_any_topic(right: Draft, tmp_path: P
     for source in ("/range", "/sonar"):
         results = results_of(_with_sonar(copy.deepcopy(right), 5.0, 5.0, source), tmp_path)
         assert results["scans"].outcome is Outcome.PASSED, results["scans"].sentence()
-        assert "1 range among them" in results["scans"].sentence()
+        told = results["scans"].sentence()
+        assert " readings (" in told
+        assert "1 range among them" in told
 
 
 def test_the_other_numbers_of_a_range_stay(right: Draft, tmp_path: Path) -> None:

@@ -142,6 +142,7 @@ def test_a_crowd_lives(
     journey = journey_of(adult, PARAMETERS.behaviour, survey)
     text = str(decision_lines(adult, PARAMETERS.behaviour, journey, lives))
     assert "2 and 4 cells of 0.5 m" in text
+    assert "effort 0 at 1.2 m/s and 0.21 at 2.2 m/s" in text
     assert "6 simulated lives" in text
 
 

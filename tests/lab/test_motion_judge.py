@@ -394,6 +394,8 @@ def test_stops_at_destinations_are_arrivals() -> None:
     assert verdict.arrivals == {"walking": 3}
     assert verdict.arrivals_per_minute("walking") == pytest.approx(6.0)
     assert verdict.arrivals_per_minute("driving") == 0.0
+    table = [line.split() for line in verdict.table()]
+    assert ["behaviour", "minutes", "m/s", "pauses/min"] in table
 
 
 def test_who_is_gone_is_forgotten() -> None:

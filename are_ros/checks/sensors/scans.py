@@ -245,7 +245,7 @@ _HELD_SLACK_M: Final = 0.10
 
 def check_scans(record: Record) -> list[CheckResult]:
     """Return three outcomes: what needs no geometry, where the changed beams end, and the walls."""
-    beams = Tally("scans", "scan")
+    beams = Tally("scans", "reading")
     ends = Tally("ends of changed beams", "scan")
     walls = Tally("walls before changed beams", "beam")
     if not record.scans.input_topics:
