@@ -122,12 +122,16 @@ def read_list(path: Path, space: RowSpace) -> ObservedRows:
 
 def _lines(stream: Iterable[str]) -> Iterator[Line]:
     """Yield the number and the cells of each line that holds something."""
-    lines = iter(stream)
-    first = next(lines, "")
-    separator = next((each for each in _SEPARATORS if each in first), _SEPARATORS[0])
-    reader = csv.reader(chain((first,), lines), delimiter=separator)
+    lines = ("\n" if line.startswith("#") else line for line in stream)
+    begin: list[str] = []
+    for line in lines:
+        begin.append(line)
+        if line.strip():
+            break
+    separator = next((each for each in _SEPARATORS if each in "".join(begin)), _SEPARATORS[0])
+    reader = csv.reader(chain(begin, lines), delimiter=separator)
     for cells in reader:
-        if cells and (len(cells) > 1 or cells[0].strip()) and not cells[0].startswith("#"):
+        if cells and (len(cells) > 1 or cells[0].strip()):
             yield reader.line_num, cells
 
 

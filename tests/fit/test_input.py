@@ -32,6 +32,7 @@ def counts_of(path: Path, text: str, space: RowSpace = TEN) -> dict[int, int]:
         "time,row\n0.1,1\n0.2,3\n0.3,3\n",
         "time;row\n0,1;1\n0,2;3\n0,3;3\n",
         "row\tcount\n1\t1\n3\t2\n",
+        "# by hand, on Tuesday\n\ncount;row\n1;1\n# the others\n2;3\n",
         "count,row\n0,7\n1,1\n1,3\n1,3\n",
         '"row","count"\n"1","1"\n"3","2"\n',
     ],
