@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from are_ros.agents.robots import TOO_OLD, WITHOUT_STAMP
 from are_ros.bag.reader import BagReader
+from are_ros.bag.recording import PARAMETERS
 from are_ros.bag.roles import (
     CAMERA,
     OCTOMAP,
@@ -139,8 +140,9 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
         path, catalogue_file = options.save_scenario, options.parameters.catalogue
         files = write_scenario(scenario.scenario(path.stem), path, catalogue_file)
         say(f"scenario     {', '.join(map(str, files))}")
-        if catalogue_file:
-            say(f"it is of the catalogue {catalogue_file}: replay it with --set catalogue:=FILE")
+        if catalogue_file and options.out is not None:
+            kept = options.out / PARAMETERS
+            say(f"it is of the catalogue {catalogue_file}: replay it with --params {kept}")
     for notice in [*builder.notices, *builder.frames.drain_notices()]:
         say(notice)
     camera_frames = timeline.image_frames | {builder.camera.frame_id if builder.camera else ""}

@@ -14,6 +14,9 @@ from are_ros.checks.run import check_recording
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import read_ros_parameters
+from are_ros.replay.command import write_results
+from are_ros.replay.progress import Say
+from are_ros.replay.session import Outcome as ReplayOutcome
 from are_ros.replay.session import run_replay
 from are_ros.replay.timeline import ReplayOptions
 
@@ -21,7 +24,13 @@ BAGS = Path(__file__).parents[2] / "bags"
 EVENTS, TRUTH = "/ar_builder/events", "/ar_builder/artefacts"
 
 
-def replay(out: Path, values: Mapping[str, Any], duration_s: float, save: Path | None) -> None:
+def replay(
+    out: Path,
+    values: Mapping[str, Any],
+    duration_s: float,
+    save: Path | None,
+    say: Say = lambda _: None,
+) -> ReplayOutcome:
     """Replay the beginning of the sample by its own parameters and these."""
     own = read_ros_parameters(BAGS / "sample_office.yaml")
     parameters = with_values(with_values(Parameters(), own), values)
@@ -29,7 +38,7 @@ def replay(out: Path, values: Mapping[str, Any], duration_s: float, save: Path |
     options = ReplayOptions(
         bags, parameters, out, duration_s=duration_s, save_scenario=save, with_inputs=True
     )
-    run_replay(options, lambda _: None, lambda *_: lambda _: None)
+    return run_replay(options, say, lambda *_: lambda _: None)
 
 
 def values_of(folder: Path, topic: str) -> list[Any]:
@@ -86,3 +95,18 @@ def test_a_saved_run_is_repeated_within_a_centimetre(
         assert turns.max(initial=0.0) < 0.01
     failed = [one.sentence() for one in check_recording(again) if one.outcome is Outcome.FAILED]
     assert failed == []
+
+
+def test_the_advice_for_a_run_with_a_catalogue_of_its_own_repeats_it(tmp_path: Path) -> None:
+    """A catalogue alone would not do: its few rows want a mixture of their own."""
+    rows = "classes: {box: {shape: crate}}\nrows: [{label: crate, class: box, size_m: [1, 1, 1]}]\n"
+    catalogue, saved, said = tmp_path / "rows.yaml", tmp_path / "saved.yaml", list[str]()
+    catalogue.write_text(rows, encoding="utf-8")
+    run, again = tmp_path / "run", tmp_path / "again"
+    mixture = {"mixture.rates": [0.1], "mixture.weights": [1.0], "population.arrival_rate": 0.01}
+    outcome = replay(run, {"catalogue": str(catalogue), **mixture}, 4.0, saved, said.append)
+    write_results(outcome, run)
+    advice = next(line for line in said if str(catalogue) in line)
+    parameters = read_ros_parameters(Path(advice.partition("--params ")[2]))
+    replay(again, {**parameters, "population.scenario": str(saved)}, 4.0, None)
+    assert comings(again) == comings(run) != []
