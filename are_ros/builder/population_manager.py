@@ -128,6 +128,13 @@ class PopulationManager:
         """The area nu(M2D) [m^2] on which artefacts arrive, 0 before it is known."""
         return self._spawning.area_m2
 
+    @property
+    def why_empty(self) -> str:
+        """Why nobody arrives at random on a map with free cells; empty if that is as asked for."""
+        is_random = self.population.scripted.scenario.random
+        is_wanted = is_random and self._parameters.population.arrival_rate > 0.0
+        return self._spawning.why_empty if is_wanted else ""
+
     def record_scenario(self) -> ScenarioRecorder:
         """Record the run as a scenario; call it before the first `advance`."""
         self.crowd.recorder = ScenarioRecorder(self._steps.period_ns)

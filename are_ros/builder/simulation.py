@@ -214,6 +214,12 @@ class Simulation:
     # ------------------------------------------------------------------------------ time
 
     @property
+    def why_nobody_arrives(self) -> str:
+        """Why nobody can arrive at random though map and robot are known; else empty."""
+        is_known = self.world.has_free_cells and not self.robots.missing
+        return self.lives.why_empty if is_known else ""
+
+    @property
     def has_begun(self) -> bool:
         """Whether there was an instant yet: before it nothing is due, and no time is known."""
         return self._now_ns != _BEFORE_ALL_NS

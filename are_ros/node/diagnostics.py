@@ -108,8 +108,8 @@ class PopulationSnapshot:
     """Artefacts without a feasible pose; not part of `arrivals`."""
     is_map_closed: bool = False
     """There is a map, but no free cell in it."""
-    is_robot_shut_in: bool = False
-    """The robot's pose is known, and nobody can arrive: no free cell is connected with it."""
+    why_empty: str = ""
+    """Why nobody can arrive though the map has free cells and the robot's pose is known."""
 
 
 @dataclass(frozen=True)
@@ -461,11 +461,8 @@ def _population(snapshot: NodeSnapshot) -> Status:
     if counts.is_map_closed:
         message = "the map has no free cell: nobody can arrive"
         return Status(Level.WARN, "population", message, values)
-    if counts.is_robot_shut_in:
-        message = (
-            "nobody can arrive: the robot stands on no free cell of the map, by its pose in tf; "
-            "is it localised? (population.region: free does without its pose)"
-        )
+    if counts.why_empty:
+        message = f"nobody can arrive: {counts.why_empty}"
         return Status(Level.WARN, "population", message, values)
     if share is not None and share > _BLOCKED_SHARE and offered >= _FEWEST_ARRIVALS:
         message = (
@@ -644,7 +641,7 @@ class Reporter:
         counts = lives.population.counts
         self._arrived.update(now_ns, counts.arrived)
         self._blocked.update(now_ns, counts.blocked)
-        has_free_cells, is_placed = builder.world.has_free_cells, not builder.robots.missing
+        has_free_cells = builder.world.has_free_cells
         return PopulationSnapshot(
             alive=len(lives.population.living),
             arrivals=counts.arrived,
@@ -654,7 +651,7 @@ class Reporter:
             arrivals_lately=self._arrived.growth(now_ns),
             blocked_lately=self._blocked.growth(now_ns),
             is_map_closed=builder.world.grid is not None and not has_free_cells,
-            is_robot_shut_in=is_placed and has_free_cells and not lives.area_m2,
+            why_empty=builder.why_nobody_arrives,
         )
 
     def _sensors(self, live: LiveBuilder, now_ns: int) -> Iterator[SensorSnapshot]:

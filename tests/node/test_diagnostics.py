@@ -327,13 +327,10 @@ TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
         "the map has no free cell: nobody can arrive",
     ),
     (
-        {"population": PopulationSnapshot(is_robot_shut_in=True)},
+        {"population": PopulationSnapshot(why_empty="the robot stands on no free cell")},
         "population",
         Level.WARN,
-        (
-            "nobody can arrive: the robot stands on no free cell of the map, by its pose in tf; is "
-            "it localised? (population.region: free does without its pose)"
-        ),
+        "nobody can arrive: the robot stands on no free cell",
     ),
     (
         {"contacts": 2, "last_contact": "person_adult 7, 0.05 m deep", "last_contact_age_s": 5.0},

@@ -503,6 +503,19 @@ def test_a_map_that_comes_late_is_told_with_what_helps(
         assert (said in done.stdout + done.stderr) == (late_s == 3)
 
 
+def test_zones_beside_the_map_are_told(run_are: RunAre, sample_bag: Path, tmp_path: Path) -> None:
+    """Nobody can arrive there; a rate of 0 is no surprise."""
+    zones = tmp_path / "zones.yaml"
+    zones.write_text("zones: [{polygon: [[91, 1], [92, 1], [92, 3]]}]", encoding="utf-8")
+    of_zones = ("--set", "population.region:=zones", "--set", f"population.zones:={zones}")
+    for rate, is_told in ((0.01, True), (0.0, False)):
+        words = (*of_zones, "--set", f"population.arrival_rate:={rate}", "--duration", 2)
+        done = run_are("replay", sample_bag, *words, "--out", tmp_path / f"out_{rate}")
+        said = "nobody can arrive: population.zones leaves no free cell of the map"
+        assert done.returncode == 0, done.stderr
+        assert (said in done.stdout + done.stderr) == is_told
+
+
 def test_a_first_tick_that_is_late_itself_misses_nothing(
     run_are: RunAre, sample_bag: Path, tmp_path: Path
 ) -> None:

@@ -141,6 +141,21 @@ class Spawning:
         return self.region.area_m2 if self.region else 0.0
 
     @property
+    def why_empty(self) -> str:
+        """Why the region of a map with free cells has none; empty if it has some, or is unknown."""
+        if self._finder is None or self.area_m2 > 0.0:
+            return ""
+        is_reachable = self._population.region is Region.REACHABLE
+        if is_reachable and self._finder.last_point_m is None:
+            return (
+                "the robot stands on no free cell of the map, by its pose in tf; is it localised? "
+                "(population.region: free does without its pose)"
+            )
+        return (
+            "population.zones leaves no free cell of the map; are its polygons in the map's frame?"
+        )
+
+    @property
     def needs_viewpoints(self) -> bool:
         """Whether arrivals or departures depend on what the cameras see."""
         appear, leave = self._population.appear, self._population.leave

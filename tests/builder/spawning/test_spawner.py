@@ -140,6 +140,40 @@ def test_zones_come_from_their_file(make_scene: Callable[..., Scene], tmp_path: 
     assert spawn.area_m2 == pytest.approx(2.0, abs=0.01)
 
 
+IN_THE_ROOM = "zones: [{polygon: [[1, 1], [2, 1], [2, 3]]}]"
+BESIDE_IT = "zones: [{polygon: [[91, 1], [92, 1], [92, 3]]}]"
+NOWHERE = "no_spawn: [[[-9, -9], [99, -9], [99, 99], [-9, 99]]]"
+
+
+@pytest.mark.parametrize(
+    ("zones", "region", "robot_x_m", "why"),
+    [
+        (IN_THE_ROOM, "zones", 1.0, ""),
+        (IN_THE_ROOM, "reachable", 1.0, ""),
+        (IN_THE_ROOM, "reachable", -9.0, "the robot stands on no free cell"),
+        (BESIDE_IT, "zones", 1.0, "population.zones leaves no free cell"),
+        (NOWHERE, "free", 1.0, "population.zones leaves no free cell"),
+        (NOWHERE, "reachable", 1.0, "population.zones leaves no free cell"),
+    ],
+)
+def test_it_says_why_nobody_can_arrive(
+    make_scene: Callable[..., Scene],
+    tmp_path: Path,
+    zones: str,
+    region: str,
+    robot_x_m: float,
+    why: str,
+) -> None:
+    """Zones beside the map are no fault of the robot's pose."""
+    path = tmp_path / "zones.yaml"
+    path.write_text(zones, encoding="utf-8")
+    spawn = spawning(region=region, zones=str(path))
+    assert not spawn.why_empty
+    spawn.refresh(surroundings(make_scene().room()), robot_at(robot_x_m, 2.0))
+    assert spawn.why_empty.startswith(why)
+    assert bool(spawn.why_empty) == bool(why)
+
+
 def test_a_polygon_for_a_robot_counts_by_its_inscribed_radius(
     make_scene: Callable[..., Scene],
 ) -> None:
