@@ -304,6 +304,14 @@ def export(
     if (mesh, tracks, kitti, coco) == (None, None, None, None):
         formats = "--mesh FILE.glb, --tracks, --kitti or --coco FOLDER"
         raise click.UsageError(f"Nothing to write: give {formats}")
+    for option, is_given, form, path in (
+        ("--at", at_s is not None, "--mesh", mesh),
+        ("--octomap", octomap_file is not None, "--mesh", mesh),
+        ("--cloud", bool(cloud), "--kitti", kitti),
+        ("--image", bool(image), "--coco", coco),
+    ):
+        if is_given and path is None:
+            raise click.UsageError(f"{option} is for {form} alone, which is not given")
     from are_ros.export.command import export_mesh, export_sets
 
     if mesh is not None:
