@@ -347,8 +347,9 @@ _SEARCHED_WAY_M: Final = 60.0
 _MOST_DOTS: Final = 20_000
 _WORTH_A_WORD: Final = 0.005
 _ADVICE: Final = (
-    "is the map of another place, or of another height than this laser? try another laser with"
-    " --topic scan:=/NAME, or, where odometry drifts, a part with --duration 20"
+    "is the map of another place, or of another height than this laser, is it mirrored, or is its"
+    " resolution wrong? try another laser with --topic scan:=/NAME, or, where odometry drifts, a"
+    " part with --duration 20"
 )
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image, ImageOps
 
 from are_ros.bag.reader import BagReader
 from are_ros.bag.roles import find_roles
@@ -340,6 +341,21 @@ def test_a_low_laser_in_a_hall_mapped_high_gets_no_line(
     assert done.returncode == 3, done.stdout + done.stderr
     assert done.stdout.startswith("no fit: ")
     assert "--static-tf" not in done.stdout
+
+
+def test_a_mirrored_map_fits_nowhere_and_is_asked_for(
+    run_are: RunAre, sample_bag: Path, tmp_path: Path
+) -> None:
+    """An image from a drawing may be seen from below: no turn of it is right."""
+    given = sample_bag.with_name("sample_office_map.yaml")
+    with Image.open(given.with_suffix(".png")) as image:
+        ImageOps.mirror(image).save(tmp_path / "sample_office_map.png")
+    (tmp_path / given.name).write_text(given.read_text(encoding="utf-8"), encoding="utf-8")
+    words = ("--map", tmp_path / given.name, "--map-frame", "site", "--out", tmp_path / "a.png")
+    done = run_are("align", sample_bag, *words)
+    assert done.returncode == 3, done.stdout + done.stderr
+    assert done.stdout.startswith("no fit: ")
+    assert "is it mirrored" in done.stdout
 
 
 def test_the_way_of_two_lasers_is_that_of_one() -> None:
