@@ -260,17 +260,29 @@ class KernelCache(FunctionCache):  # type: ignore[misc] # numba is not typed
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return what was compiled for a signature; None, and lock the kernel, if nothing was."""
         if self._is_held:
-            return super().load_overload(sig, target_context)
+            return self._kept(sig, target_context)
         self._lock(fcntl.LOCK_SH | fcntl.LOCK_NB)
-        found = super().load_overload(sig, target_context)
+        found = self._kept(sig, target_context)
         if found is None:
             self._lock(fcntl.LOCK_UN)
             self._lock(fcntl.LOCK_EX | fcntl.LOCK_NB)
-            found = super().load_overload(sig, target_context)
+            found = self._kept(sig, target_context)
         self._is_held = found is None
         if not self._is_held:
             self._lock(fcntl.LOCK_UN)
         return found
+
+    def _kept(self, sig: Any, target_context: Any) -> Any:
+        """Return what the files hold; None, and forget them, if they are damaged.
+
+        As files are that were written shortly before the power was cut.
+        """
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:  # noqa: BLE001 - damaged bytes make pickle raise anything
+            with suppress(OSError):
+                self._cache_file.flush()
+            return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep what was compiled, and unlock the kernel."""

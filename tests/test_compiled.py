@@ -68,6 +68,20 @@ def test_a_kernel_is_made_anew_when_what_it_calls_has_changed(pair: Path) -> Non
     assert call(pair, "1") == ["30", "1"]
 
 
+@pytest.mark.parametrize("length_bytes", [0, 50])
+@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
+def test_a_damaged_cache_is_made_anew(
+    pair: Path, tmp_path: Path, suffix: str, length_bytes: int
+) -> None:
+    """As where the power was cut before the disk had the file."""
+    cache = tmp_path / "cache"
+    assert call(pair, "1", str(cache)) == ["20", "1"]
+    (damaged,) = cache.rglob(f"*.{suffix}")
+    os.truncate(damaged, length_bytes)
+    assert call(pair, "1", str(cache)) == ["20", "1"]
+    assert call(pair, "1", str(cache)) == ["20", "0"]
+
+
 def test_a_kernel_that_only_kernels_call_has_no_code_of_its_own(pair: Path, tmp_path: Path) -> None:
     """It is kept as a part of its caller; when Python calls it, too, it is compiled by itself."""
     cache = tmp_path / "cache"
