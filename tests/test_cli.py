@@ -1,5 +1,6 @@
 """The command line: help, usage, exit status, and processes of its own."""
 
+import os
 import re
 import signal
 import subprocess
@@ -373,6 +374,16 @@ def test_an_output_that_cannot_be_written_is_one_sentence() -> None:
     said = "are: the output cannot be written: no space left on device\n"
     assert (done.returncode, done.stderr[-len(said) :]) == (1, said)
     assert "Traceback" not in done.stderr
+
+
+def test_a_stream_that_is_closed_leads_nowhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As by `2>&-`: the bar of a replay could not be made."""
+    monkeypatch.setattr("sys.stderr", None)
+    monkeypatch.setattr("sys.stdout", None)
+    assert end_of(monkeypatch, "inspect", str(SAMPLE)) == 0
+    for stream in (sys.stdout, sys.stderr):
+        assert stream.name == os.devnull
+        stream.close()
 
 
 HIDING = """

@@ -46,6 +46,7 @@ for _command in (*offline.COMMANDS, *live.COMMANDS):
 def main() -> None:
     """Run `are`; an error is one sentence, with exit status 1, or 2 for wrong usage."""
     interrupts = _noted_interrupts()
+    _replace_closed_streams()
     try:
         sys.exit(are(standalone_mode=False))
     except AreError as error:
@@ -79,6 +80,16 @@ def _noted_interrupts() -> list[int]:
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, interrupt)
     return interrupts
+
+
+def _replace_closed_streams() -> None:
+    """Let a stream that is closed, as by `2>&-`, lead nowhere.
+
+    Else the next file that is opened gets its number, and what a library prints; and tqdm fails.
+    """
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: PTH123, SIM115
 
 
 def _fail(sentence: str, status: int) -> NoReturn:
