@@ -1,8 +1,9 @@
 """Fixtures that several test modules share."""
 
 import os
+import resource
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,17 @@ settings.register_profile("are", deadline=None, derandomize=True)
 settings.load_profile("are")
 
 keep_ros_apart()
+
+
+@contextmanager
+def full_disk() -> Iterator[None]:
+    """Let files that are written in the block have 500 bytes: the system refuses the next one."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (500, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,7 @@ import json
 import logging
 import math
 from collections.abc import Sequence
-from contextlib import redirect_stdout
+from contextlib import redirect_stdout, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -182,6 +182,8 @@ def write_view(path: Path, place: ViewedPlace, record: SceneRecord, title: str) 
     try:
         path.write_text(page, encoding="utf-8")
     except OSError as cause:
+        with suppress(OSError):
+            path.unlink()
         message = f"{path}: the page cannot be written ({why_refused(cause)})"
         raise BagError(message) from cause
     return View(path, path.stat().st_size, len(shown), tuple(notes))

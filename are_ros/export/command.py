@@ -1,5 +1,6 @@
 """`are export` without the shell: a recording in, files for other programs out."""
 
+import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -79,8 +80,12 @@ def export_sets(
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise BagError(f"{folder}: it is there already, and not empty; give a new folder")
     for name, folder in wanted.items():
-        with ProgressBar(name) as bar:
-            sentence = writers[name](recording, folder, bar.open)
+        try:
+            with ProgressBar(name) as bar:
+                sentence = writers[name](recording, folder, bar.open)
+        except BaseException:  # a Ctrl-C, too: half a set looks like a whole one
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
         say(sentence)
 
 

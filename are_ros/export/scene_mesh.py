@@ -1,6 +1,7 @@
 """S_E with the artefacts in it (section 3.3) as meshes, and the files that hold them: GLB, PLY."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -94,6 +95,8 @@ def write_scene(path: Path, parts: Sequence[Part]) -> int:
     try:
         path.write_bytes(data)
     except OSError as cause:
+        with suppress(OSError):
+            path.unlink()
         message = f"--mesh {path}: the file cannot be written ({why_refused(cause)})"
         raise BagError(message) from cause
     return len(data)

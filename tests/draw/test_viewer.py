@@ -36,6 +36,7 @@ from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.voxel_map import VoxelMap
 from tests.browser import NO_BROWSER, Page, find_browser, open_page
+from tests.conftest import full_disk
 
 needs_viser = pytest.mark.skipif(not viewer.has_viser(), reason=viewer.MISSING_VISER)
 needs_browser = pytest.mark.skipif(find_browser() is None, reason=NO_BROWSER)
@@ -195,7 +196,10 @@ def test_the_page_needs_no_network(tmp_path: Path) -> None:
 
 @needs_viser
 def test_where_nothing_can_be_written_it_is_said(tmp_path: Path) -> None:
-    """A folder that is not there, and a recording without a tick."""
+    """A folder that is not there, a full disk, and a recording without a tick; no page is left."""
+    with full_disk(), pytest.raises(BagError, match="file too large"):
+        write_view(tmp_path / "view.html", place(), ticks(3), "a room")
+    assert not (tmp_path / "view.html").exists()
     with pytest.raises(BagError, match="the page cannot be written"):
         write_view(tmp_path / "absent" / "view.html", place(), ticks(3), "a room")
     with pytest.raises(BagError, match="there is no tick to show"):

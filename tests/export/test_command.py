@@ -10,7 +10,9 @@ import numpy.typing as npt
 import pytest
 import trimesh
 
-from are_ros.export.command import moment_at
+from are_ros.errors import BagError
+from are_ros.export.command import export_mesh, export_sets, moment_at
+from tests.conftest import full_disk
 from tests.oracles.lattices import of_cloud
 from tests.oracles.rays import ray_chords_m
 from tests.oracles.recorded import read_inputs, read_outputs
@@ -158,6 +160,18 @@ def test_what_makes_no_sense_is_refused(
     done = run_are("export", sample_replay, *words)
     assert done.returncode == status
     assert reason in done.stderr
+    assert not [*tmp_path.iterdir()]
+
+
+def test_on_a_full_disk_no_part_of_an_export_is_left(sample_replay: Path, tmp_path: Path) -> None:
+    """Half a table looks like a whole one."""
+    folder = tmp_path / "tracks"
+    with full_disk(), pytest.raises(BagError, match="file too large"):
+        export_sets(print, sample_replay, {"tracks": folder}, "", "")
+    mesh = print, sample_replay, tmp_path / "scene.glb", None, None
+    export_mesh(*mesh)
+    with full_disk(), pytest.raises(BagError, match="file too large"):
+        export_mesh(*mesh)
     assert not [*tmp_path.iterdir()]
 
 

@@ -8,6 +8,7 @@ import math
 from array import array
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from decimal import Decimal
 from functools import partial
@@ -221,6 +222,8 @@ def write_scenario(scenario: Scenario, path: Path, catalogue: str = "") -> list[
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as cause:
+        with suppress(OSError):
+            path.unlink()
         raise ScenarioError(f"{path} cannot be written ({why_refused(cause)})") from cause
     return [path, sidecar] if tracks else [path]
 

@@ -19,6 +19,7 @@ from are_ros.population.artefact import GroundPose, Origin
 from are_ros.population.catalogue import Catalogue
 from are_ros.population.departures import Cause
 from are_ros.population.scenario import FIRST_ADMITTED_ID, Scenario, ScriptedArtefact, Track
+from tests.conftest import full_disk
 
 CATALOGUE = read_catalogue()
 MOVING = [row for row in CATALOGUE.rows if row.motion.speed_mps > 0.0]
@@ -260,7 +261,10 @@ def test_tracks_that_are_not_in_their_file_are_said(tmp_path: Path) -> None:
 
 
 def test_files_that_cannot_be_read_or_written_are_said(tmp_path: Path) -> None:
-    """Absent, or in a folder that is not there."""
+    """Absent, in a folder that is not there, or on a full disk, where no part is left."""
+    with full_disk(), pytest.raises(ScenarioError, match="file too large"):
+        write_scenario(Scenario(name="a" * 2000), tmp_path / "s.yaml")
+    assert not (tmp_path / "s.yaml").exists()
     with pytest.raises(ScenarioError, match=r"absent.yaml cannot be read"):
         read_scenario(tmp_path / "absent.yaml", CATALOGUE)
     with pytest.raises(ScenarioError, match=r"s.yaml cannot be written \(no such file"):
