@@ -180,7 +180,8 @@ def write_view(path: Path, place: ViewedPlace, record: SceneRecord, title: str) 
     at = page.rindex("</body>")
     page = page[:at] + overlay + page[at:]
     try:
-        path.write_text(page, encoding="utf-8")
+        # The title is a file's name, which may be no UTF-8.
+        path.write_text(page, encoding="utf-8", errors="replace")
     except OSError as cause:
         with suppress(OSError):
             path.unlink()

@@ -1,6 +1,7 @@
 """The page of the viewer, looked at in a real browser where there is one."""
 
 import math
+import os
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -192,6 +193,13 @@ def test_the_page_needs_no_network(tmp_path: Path) -> None:
     assert view.length_bytes == view.path.stat().st_size < 1_500_000
     assert view.sentence().startswith(f"view: {view.path} (")
     assert "40 ticks" in view.sentence()
+
+
+@needs_viser
+def test_a_title_that_is_no_text_is_shown_with_question_marks(tmp_path: Path) -> None:
+    """As the name of a recording whose umlauts are in Latin-1."""
+    view = write_view(tmp_path / "view.html", place(), ticks(3), os.fsdecode(b"b\xfcro"))
+    assert "b?ro" in view.path.read_text(encoding="utf-8")
 
 
 @needs_viser
