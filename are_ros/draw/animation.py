@@ -142,8 +142,9 @@ def write_animation(
     try:
         path.write_bytes(content)
     except OSError as cause:
-        with suppress(OSError):
-            path.unlink()
+        if path.is_file():
+            with suppress(OSError):
+                path.unlink()
         message = f"{path}: the animation cannot be written ({why_refused(cause)})"
         raise BagError(message) from cause
     return Animation(path, len(stamps), speed, frames.size_px, len(content))

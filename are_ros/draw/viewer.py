@@ -183,8 +183,9 @@ def write_view(path: Path, place: ViewedPlace, record: SceneRecord, title: str) 
         # The title is a file's name, which may be no UTF-8.
         path.write_text(page, encoding="utf-8", errors="replace")
     except OSError as cause:
-        with suppress(OSError):
-            path.unlink()
+        if path.is_file():
+            with suppress(OSError):
+                path.unlink()
         message = f"{path}: the page cannot be written ({why_refused(cause)})"
         raise BagError(message) from cause
     return View(path, path.stat().st_size, len(shown), tuple(notes))

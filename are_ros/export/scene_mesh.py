@@ -95,8 +95,9 @@ def write_scene(path: Path, parts: Sequence[Part]) -> int:
     try:
         path.write_bytes(data)
     except OSError as cause:
-        with suppress(OSError):
-            path.unlink()
+        if path.is_file():
+            with suppress(OSError):
+                path.unlink()
         message = f"--mesh {path}: the file cannot be written ({why_refused(cause)})"
         raise BagError(message) from cause
     return len(data)

@@ -222,8 +222,9 @@ def write_scenario(scenario: Scenario, path: Path, catalogue: str = "") -> list[
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as cause:
-        with suppress(OSError):
-            path.unlink()
+        if path.is_file():
+            with suppress(OSError):
+                path.unlink()
         raise ScenarioError(f"{path} cannot be written ({why_refused(cause)})") from cause
     return [path, sidecar] if tracks else [path]
 
