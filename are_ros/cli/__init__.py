@@ -5,11 +5,12 @@ input was refused or left out, a result could not be written, or a check failed;
 A doubt, as about clocks or the map, is only said.
 """
 
+import errno
 import os
 import signal
 import sys
 from types import FrameType
-from typing import NoReturn
+from typing import Final, NoReturn
 
 # OpenCV reads it when it is imported: a damaged picture is refused in our own sentence.
 os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
@@ -43,6 +44,9 @@ for _command in (*offline.COMMANDS, *live.COMMANDS):
     are.add_command(_command)
 
 
+_DISK_ERRORS: Final = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
+
+
 def main() -> None:
     """Run `are`; an error is one sentence, with exit status 1, or 2 for wrong usage."""
     interrupts = _noted_interrupts()
@@ -59,7 +63,7 @@ def main() -> None:
     except Exception as error:
         if interrupts:
             _fail("interrupted", INTERRUPTED)
-        if not isinstance(error, OSError) or error.filename is not None:
+        if not isinstance(error, OSError) or error.errno not in _DISK_ERRORS:
             raise
         _fail(f"the output cannot be written: {why_refused(error)}", FAILED)
 
