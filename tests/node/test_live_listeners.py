@@ -180,7 +180,7 @@ def test_the_last_latched_cloud_is_there_for_a_node_that_comes_later(
     bench.until(lambda: watch.count == 1)
     volatile = bench.user.create_publisher(kind, f"/{CLOUD}", RELIABLE)
     bench.until(volatile.get_subscription_count)
-    assert latched.get_subscription_count() == 1
+    bench.until(lambda: latched.get_subscription_count() == 1)
     volatile.publish(cloud([(0.55, 0.55, 0.05)]))
     bench.until(lambda: watch.count == 2)
 
