@@ -33,17 +33,10 @@ _LEASE = """<builtin><discovery_config>
   </discovery_config></builtin>"""
 """It is 20 s otherwise: when a machine stalls for longer, participants take each other for dead,
 and lose what is under way."""
-_DISCOVERY = """<library_settings>
-    <intraprocess_delivery>USER_DATA_ONLY</intraprocess_delivery>
-  </library_settings>"""
-"""Participants of one process, as only tests have them, tell each other of themselves over a
-transport: else they lock each other out for ever, once in a while, when one of them ends."""
 _SMALL_PROFILE = """<?xml version="1.0" encoding="UTF-8"?>
-<dds xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
-  <profiles>
-    <participant profile_name="of_tests" is_default_profile="true"><rtps></rtps></participant>
-  </profiles>
-</dds>
+<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
+  <participant profile_name="of_tests" is_default_profile="true"><rtps></rtps></participant>
+</profiles>
 """
 
 WAIT_S = 60.0
@@ -149,10 +142,9 @@ def keep_ros_apart() -> None:
 
 
 def _profile() -> str:
-    """Return the profile that `are` has by itself, where it has one, as tests need it."""
+    """Return the profile that `are` has by itself, where it has one, with a longer lease."""
     text = PROFILE.read_text(encoding="utf-8") if has_room() else _SMALL_PROFILE
-    text = text.replace("<rtps>", f"<rtps>{_LEASE}")
-    return text.replace("<profiles>", f"{_DISCOVERY}<profiles>")
+    return text.replace("<rtps>", f"<rtps>{_LEASE}")
 
 
 def _claimed_domain(folder: Path) -> int:
