@@ -8,7 +8,16 @@ from pathlib import Path
 import are_ros
 
 PACKAGE = Path(are_ros.__file__).parent
-BASE = ("errors", "conventions", "_compiled", "_version", "yaml_text", "wording", "parameters")
+BASE = (
+    "errors",
+    "conventions",
+    "_compiled",
+    "_version",
+    "yaml_text",
+    "whole_file",
+    "wording",
+    "parameters",
+)
 LAYERS = (
     BASE,
     ("world",),

@@ -3,7 +3,6 @@
 import io
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -52,6 +51,7 @@ from are_ros.draw.sheet import (
     rows_of,
 )
 from are_ros.errors import BagError
+from are_ros.whole_file import write_whole
 from are_ros.wording import counted, why_refused
 from are_ros.world.occupancy_grid import OccupancyGrid
 
@@ -140,11 +140,8 @@ def write_animation(
         if len(content) <= most_bytes:
             break
     try:
-        path.write_bytes(content)
+        write_whole(path, content)
     except OSError as cause:
-        if path.is_file():
-            with suppress(OSError):
-                path.unlink()
         message = f"{path}: the animation cannot be written ({why_refused(cause)})"
         raise BagError(message) from cause
     return Animation(path, len(stamps), speed, frames.size_px, len(content))

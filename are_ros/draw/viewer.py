@@ -10,7 +10,7 @@ import json
 import logging
 import math
 from collections.abc import Sequence
-from contextlib import redirect_stdout, suppress
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -29,6 +29,7 @@ from are_ros.draw.sheet import id_text
 from are_ros.errors import BagError
 from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.population.meshes.geometry import surface_of
+from are_ros.whole_file import write_whole
 from are_ros.wording import counted, why_refused
 from are_ros.world.cameras import ViewModel
 from are_ros.world.footprint import Footprint
@@ -179,16 +180,14 @@ def write_view(path: Path, place: ViewedPlace, record: SceneRecord, title: str) 
     overlay = _overlay(title, shown)
     at = page.rindex("</body>")
     page = page[:at] + overlay + page[at:]
+    # The title is a file's name, which may be no UTF-8.
+    content = page.encode("utf-8", errors="replace")
     try:
-        # The title is a file's name, which may be no UTF-8.
-        path.write_text(page, encoding="utf-8", errors="replace")
+        write_whole(path, content)
     except OSError as cause:
-        if path.is_file():
-            with suppress(OSError):
-                path.unlink()
         message = f"{path}: the page cannot be written ({why_refused(cause)})"
         raise BagError(message) from cause
-    return View(path, path.stat().st_size, len(shown), tuple(notes))
+    return View(path, len(content), len(shown), tuple(notes))
 
 
 def start_server(port: int) -> Any:

@@ -1,7 +1,6 @@
 """S_E with the artefacts in it (section 3.3) as meshes, and the files that hold them: GLB, PLY."""
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -15,6 +14,7 @@ from are_ros.errors import BagError
 from are_ros.parameters.choices import GroundKind
 from are_ros.parameters.model import WorldParameters
 from are_ros.population.artefact import map_from_artefact
+from are_ros.whole_file import write_whole
 from are_ros.wording import why_refused
 from are_ros.world.occupancy_grid import classify
 from are_ros.world.rigid_transform import RigidTransform
@@ -93,11 +93,8 @@ def write_scene(path: Path, parts: Sequence[Part]) -> int:
         raise BagError(f"--mesh {path}: there is nothing in the scene, no voxel and no floor")
     data = write(parts)
     try:
-        path.write_bytes(data)
+        write_whole(path, data)
     except OSError as cause:
-        if path.is_file():
-            with suppress(OSError):
-                path.unlink()
         message = f"--mesh {path}: the file cannot be written ({why_refused(cause)})"
         raise BagError(message) from cause
     return len(data)

@@ -20,6 +20,7 @@ from are_ros.world.environment import Environment, PlaneGround
 from are_ros.world.map_io import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
 from are_ros.world.rigid_transform import RigidTransform
+from tests.conftest import full_disk
 from tests.lab.floor_plans import office, pillars
 
 CATALOGUE = read_catalogue()
@@ -203,12 +204,15 @@ def test_resolved_collisions_excuse_as_many_brakings() -> None:
 
 
 def test_a_report_is_written(tmp_path: Path) -> None:
-    """Numbers and a picture, into a folder that was not there."""
+    """Numbers and a picture, into a folder that was not there; none that a full disk cut off."""
     result = soak(office(), parameters(0.01, **PEOPLE), CATALOGUE, longest_s=5.0)
     write_soak(result, office(), tmp_path / "a" / "b")
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match=r"file: the results cannot be written \(it is a file\)"):
         write_soak(result, office(), tmp_path / "file")
+    with full_disk(), pytest.raises(InputError, match="written"):
+        write_soak(result, office(), tmp_path / "full")
+    assert not [*(tmp_path / "full").iterdir()]
     assert sorted(p.name for p in (tmp_path / "a" / "b").iterdir()) == ["soak.json", "soak.png"]
 
 

@@ -4,11 +4,11 @@ The CSV file has a line per pose, rounded to a micrometre and a microradian.
 """
 
 import csv
+import io
 import math
 from array import array
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from decimal import Decimal
 from functools import partial
@@ -30,6 +30,7 @@ from are_ros.population.artefact import GroundPose, Origin
 from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.population.departures import Cause
 from are_ros.population.scenario import Scenario, ScriptedArtefact, Track
+from are_ros.whole_file import write_whole
 from are_ros.wording import why_refused
 from are_ros.yaml_text import Fields, read_yaml
 
@@ -46,14 +47,20 @@ _MOST_S: Final = 10**_SECOND_DIGITS
 
 def write_tracks(path: Path, tracks: Mapping[str, Track]) -> None:
     """Write tracks by the key of their artefact (an id or a name); ScenarioError if that fails."""
+    table = io.StringIO()
+    writer = csv.writer(table)
+    writer.writerow(COLUMNS)
+    for key, track in tracks.items():
+        for t_ns, pose in zip(track.times_ns.tolist(), track.poses.tolist(), strict=True):
+            numbers = (round(number, _DECIMALS) for number in pose)
+            writer.writerow((key, seconds_text(t_ns), *numbers))
+    _write(path, table.getvalue())
+
+
+def _write(path: Path, text: str) -> None:
+    """Write a text file; ScenarioError if that fails."""
     try:
-        with path.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(COLUMNS)
-            for key, track in tracks.items():
-                for t_ns, pose in zip(track.times_ns.tolist(), track.poses.tolist(), strict=True):
-                    numbers = (round(number, _DECIMALS) for number in pose)
-                    writer.writerow((key, seconds_text(t_ns), *numbers))
+        write_whole(path, text.encode())
     except OSError as cause:
         raise ScenarioError(f"{path} cannot be written ({why_refused(cause)})") from cause
 
@@ -219,13 +226,7 @@ def write_scenario(scenario: Scenario, path: Path, catalogue: str = "") -> list[
     )
     if catalogue:
         text = f"# Its artefacts are of the catalogue {catalogue}: replay it with that one.\n{text}"
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as cause:
-        if path.is_file():
-            with suppress(OSError):
-                path.unlink()
-        raise ScenarioError(f"{path} cannot be written ({why_refused(cause)})") from cause
+    _write(path, text)
     return [path, sidecar] if tracks else [path]
 
 
