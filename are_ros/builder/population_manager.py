@@ -129,11 +129,11 @@ class PopulationManager:
         return self._spawning.area_m2
 
     @property
-    def why_empty(self) -> str:
-        """Why nobody arrives at random on a map with free cells; empty if that is as asked for."""
+    def doubt_about_region(self) -> str:
+        """Where nobody can arrive at random though somebody should, and why; empty if nowhere."""
         is_random = self.population.scripted.scenario.random
         is_wanted = is_random and self._parameters.population.arrival_rate > 0.0
-        return self._spawning.why_empty if is_wanted else ""
+        return self._spawning.doubt_about_region if is_wanted else ""
 
     def record_scenario(self) -> ScenarioRecorder:
         """Record the run as a scenario; call it before the first `advance`."""

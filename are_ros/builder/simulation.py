@@ -214,10 +214,10 @@ class Simulation:
     # ------------------------------------------------------------------------------ time
 
     @property
-    def why_nobody_arrives(self) -> str:
-        """Why nobody can arrive at random though map and robot are known; else empty."""
+    def doubt_about_region(self) -> str:
+        """Where nobody can arrive at random though map and robot are known, and why; else empty."""
         is_known = self.world.has_free_cells and not self.robots.missing
-        return self.lives.why_empty if is_known else ""
+        return self.lives.doubt_about_region if is_known else ""
 
     @property
     def has_begun(self) -> bool:

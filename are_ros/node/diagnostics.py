@@ -108,8 +108,8 @@ class PopulationSnapshot:
     """Artefacts without a feasible pose; not part of `arrivals`."""
     is_map_closed: bool = False
     """There is a map, but no free cell in it."""
-    why_empty: str = ""
-    """Why nobody can arrive though the map has free cells and the robot's pose is known."""
+    doubt_about_region: str = ""
+    """Where nobody can arrive though map and robot are known, and why."""
 
 
 @dataclass(frozen=True)
@@ -461,9 +461,8 @@ def _population(snapshot: NodeSnapshot) -> Status:
     if counts.is_map_closed:
         message = "the map has no free cell: nobody can arrive"
         return Status(Level.WARN, "population", message, values)
-    if counts.why_empty:
-        message = f"nobody can arrive: {counts.why_empty}"
-        return Status(Level.WARN, "population", message, values)
+    if counts.doubt_about_region:
+        return Status(Level.WARN, "population", counts.doubt_about_region, values)
     if share is not None and share > _BLOCKED_SHARE and offered >= _FEWEST_ARRIVALS:
         message = (
             f"{counts.blocked_lately} of {offered} that were to arrive in the last minute found "
@@ -651,7 +650,7 @@ class Reporter:
             arrivals_lately=self._arrived.growth(now_ns),
             blocked_lately=self._blocked.growth(now_ns),
             is_map_closed=builder.world.grid is not None and not has_free_cells,
-            why_empty=builder.why_nobody_arrives,
+            doubt_about_region=builder.doubt_about_region,
         )
 
     def _sensors(self, live: LiveBuilder, now_ns: int) -> Iterator[SensorSnapshot]:

@@ -146,10 +146,9 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
     for notice in [*builder.notices, *builder.frames.drain_notices()]:
         say(notice)
     camera_frames = timeline.image_frames | {builder.camera.frame_id if builder.camera else ""}
-    why_empty = builder.why_nobody_arrives
     doubts = [
         *_late_map(replay, keeper),
-        *filter(None, [why_empty and f"nobody can arrive: {why_empty}"]),
+        *filter(None, [builder.doubt_about_region]),
         *_late_camera(options, replay, keeper),
         *_old_poses(options, keeper),
         *upward_cameras(builder.frames, builder.robots.base_frame(), camera_frames),

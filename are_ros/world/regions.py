@@ -148,6 +148,8 @@ def _polygon(given: Fields, field: str, corners: object) -> npt.NDArray[np.float
     farthest_m = np.abs(polygon_m).max()
     if farthest_m > _MOST:
         given.refuse(field, f"has a corner at {farthest_m:g} m, farther than {_MOST:g} m")
+    if np.linalg.matrix_rank(polygon_m - polygon_m[0]) < 2:
+        given.refuse(field, "encloses nothing: its corners lie on one line")
     polygon_m.flags.writeable = False
     return polygon_m
 
@@ -183,11 +185,12 @@ class RegionFinder:
     """Gives the spawn region of one map; the same object again as long as it is the same.
 
     Here the region does not depend on the robot. `last_point_m` is the last point of the robot that
-    decided on a region, None if none did.
+    decided on a region, None if none did. `idle_zones` names zones without a cell of the region.
     """
 
-    def __init__(self, region: SpawnRegion) -> None:
+    def __init__(self, region: SpawnRegion, idle_zones: Sequence[str] = ()) -> None:
         self.last_point_m: tuple[float, float] | None = None
+        self.idle_zones = idle_zones
         self._region = region
 
     def at(self, robot_point_m: tuple[float, float] | None) -> SpawnRegion:  # noqa: ARG002 - the robot does not matter
@@ -292,10 +295,10 @@ def region_finder(
         )
     if kind is Region.FREE:
         return RegionFinder(_region_of(allowed, grid))
-    return RegionFinder(_zones_region(zones, allowed, grid))
+    return _zones_finder(zones, allowed, grid)
 
 
-def _zones_region(zones: Zones, allowed: _Mask, grid: OccupancyGrid) -> SpawnRegion:
+def _zones_finder(zones: Zones, allowed: _Mask, grid: OccupancyGrid) -> RegionFinder:
     if not zones.zones:
         raise ParameterError(
             "population.region is zones, but population.zones names no file that lists any zone"
@@ -303,7 +306,12 @@ def _zones_region(zones: Zones, allowed: _Mask, grid: OccupancyGrid) -> SpawnReg
     weight = zone_weights(zones.zones, grid)
     weight[~allowed] = 0.0
     area_m2 = float(weight.sum(dtype=np.float64)) * grid.cell_area_m2
-    return SpawnRegion(weight > 0.0, weight, area_m2)
+    idle = [
+        zone.name
+        for zone in zones.zones
+        if not (polygon_mask(zone.polygon_m, grid) & allowed).any()
+    ]
+    return RegionFinder(SpawnRegion(weight > 0.0, weight, area_m2), idle)
 
 
 def _region_of(mask: _Mask, grid: OccupancyGrid) -> SpawnRegion:

@@ -327,10 +327,10 @@ TROUBLES: list[tuple[dict[str, Any], str, Level, str]] = [
         "the map has no free cell: nobody can arrive",
     ),
     (
-        {"population": PopulationSnapshot(why_empty="the robot stands on no free cell")},
+        {"population": PopulationSnapshot(doubt_about_region="nobody can arrive: no zone")},
         "population",
         Level.WARN,
-        "nobody can arrive: the robot stands on no free cell",
+        "nobody can arrive: no zone",
     ),
     (
         {"contacts": 2, "last_contact": "person_adult 7, 0.05 m deep", "last_contact_age_s": 5.0},

@@ -109,6 +109,8 @@ def test_weights_add_where_zones_overlap() -> None:
         ("zones: [{polygon: [[0, 0], [1, 0], [0, 1.0e+308]]}]", "has a corner at 1e\\+308 m"),
         ("zones: [{polygon: [[0, 0], [1, 0], [0, 1]], weight: true}]", r"weight is True"),
         ("zones: [{polygon: [[0, 0], [1, 0], [0, 1]], colour: 1}]", r"\[0\]\.colour is not known"),
+        ("zones: [{polygon: [[1, 1], [2, 2], [3, 3]]}]", r"polygon encloses nothing: its corners"),
+        ("no_spawn: [[[1, 1], [1, 1], [1, 1]]]", r"no_spawn\[0\] encloses nothing: its corners"),
         ("no_spawn: [[[0, 0], [1, 0], 5]]", r"no_spawn\[0\]\[2\] is 5"),
         ("no_spawn: {}", "no_spawn is no list"),
         ("entrances: 1", "entrances is no list"),

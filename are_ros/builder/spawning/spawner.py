@@ -23,6 +23,7 @@ from are_ros.parameters.model import Parameters
 from are_ros.population.artefact import GroundPose
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.departures import Cause
+from are_ros.wording import listed
 from are_ros.world.boxes import OrientedBoxes, overlaps_any
 from are_ros.world.cameras import CameraAt, ViewModel
 from are_ros.world.environment import Environment
@@ -141,18 +142,23 @@ class Spawning:
         return self.region.area_m2 if self.region else 0.0
 
     @property
-    def why_empty(self) -> str:
-        """Why the region of a map with free cells has none; empty if it has some, or is unknown."""
-        if self._finder is None or self.area_m2 > 0.0:
+    def doubt_about_region(self) -> str:
+        """Where nobody can arrive on a map with free cells, and why; empty if that is as wanted."""
+        if self._finder is None:
             return ""
+        if self.area_m2 > 0.0:
+            idle = self._finder.idle_zones
+            where = f"nobody can arrive in {listed(idle)} of population.zones"
+            return f"{where}: no free cell of the map is there" if idle else ""
         is_reachable = self._population.region is Region.REACHABLE
         if is_reachable and self._finder.last_point_m is None:
             return (
-                "the robot stands on no free cell of the map, by its pose in tf; is it localised? "
-                "(population.region: free does without its pose)"
+                "nobody can arrive: the robot stands on no free cell of the map, by its pose in tf;"
+                " is it localised? (population.region: free does without its pose)"
             )
         return (
-            "population.zones leaves no free cell of the map; are its polygons in the map's frame?"
+            "nobody can arrive: population.zones leaves no free cell of the map; are its polygons "
+            "in the map's frame?"
         )
 
     @property

@@ -142,6 +142,11 @@ def test_zones_come_from_their_file(make_scene: Callable[..., Scene], tmp_path: 
 
 IN_THE_ROOM = "zones: [{polygon: [[1, 1], [2, 1], [2, 3]]}]"
 BESIDE_IT = "zones: [{polygon: [[91, 1], [92, 1], [92, 3]]}]"
+ONE_OF_THREE = """zones:
+- {polygon: [[1, 1], [2, 1], [2, 3]]}
+- {name: attic, polygon: [[91, 1], [92, 1], [92, 3]]}
+- {polygon: [[0, 91], [1, 91], [1, 93]]}
+"""
 NOWHERE = "no_spawn: [[[-9, -9], [99, -9], [99, 99], [-9, 99]]]"
 
 
@@ -150,13 +155,20 @@ NOWHERE = "no_spawn: [[[-9, -9], [99, -9], [99, 99], [-9, 99]]]"
     [
         (IN_THE_ROOM, "zones", 1.0, ""),
         (IN_THE_ROOM, "reachable", 1.0, ""),
-        (IN_THE_ROOM, "reachable", -9.0, "the robot stands on no free cell"),
-        (BESIDE_IT, "zones", 1.0, "population.zones leaves no free cell"),
-        (NOWHERE, "free", 1.0, "population.zones leaves no free cell"),
-        (NOWHERE, "reachable", 1.0, "population.zones leaves no free cell"),
+        (IN_THE_ROOM, "reachable", -9.0, "nobody can arrive: the robot stands on no free cell"),
+        (
+            ONE_OF_THREE,
+            "zones",
+            1.0,
+            "nobody can arrive in attic and zone 2 of population.zones: no",
+        ),
+        (ONE_OF_THREE, "free", 1.0, ""),
+        (BESIDE_IT, "zones", 1.0, "nobody can arrive: population.zones leaves no free cell"),
+        (NOWHERE, "free", 1.0, "nobody can arrive: population.zones leaves no free cell"),
+        (NOWHERE, "reachable", 1.0, "nobody can arrive: population.zones leaves no free cell"),
     ],
 )
-def test_it_says_why_nobody_can_arrive(
+def test_it_says_where_nobody_can_arrive(
     make_scene: Callable[..., Scene],
     tmp_path: Path,
     zones: str,
@@ -168,10 +180,10 @@ def test_it_says_why_nobody_can_arrive(
     path = tmp_path / "zones.yaml"
     path.write_text(zones, encoding="utf-8")
     spawn = spawning(region=region, zones=str(path))
-    assert not spawn.why_empty
+    assert not spawn.doubt_about_region
     spawn.refresh(surroundings(make_scene().room()), robot_at(robot_x_m, 2.0))
-    assert spawn.why_empty.startswith(why)
-    assert bool(spawn.why_empty) == bool(why)
+    assert spawn.doubt_about_region.startswith(why)
+    assert bool(spawn.doubt_about_region) == bool(why)
 
 
 def test_a_polygon_for_a_robot_counts_by_its_inscribed_radius(
