@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.agents.robots import TOO_OLD, WITHOUT_STAMP
+from are_ros.agents.scenario_recorder import ScenarioRecorder
 from are_ros.bag.reader import BagReader
 from are_ros.bag.recording import PARAMETERS
 from are_ros.bag.roles import (
@@ -97,6 +98,24 @@ class Outcome:
     stopwatch: Stopwatch
 
 
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """What takes part in one replay."""
+
+    reader: BagReader
+    options: ReplayOptions
+    roles: RolesFound
+    timeline: Timeline
+    catalogue: Catalogue
+    builder: ArBuilder
+    scenario: ScenarioRecorder | None
+    replay: Replay
+    cloud: Cloud | None
+    recorder: SceneRecorder
+    keeper: RecordKeeper
+    standing: StandingWatch
+
+
 def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) -> Outcome:
     """Run a replay, and write `augmented.mcap` into its folder if it has one.
 
@@ -109,68 +128,103 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
     stopwatch = Stopwatch()
     with BagReader(options.bags) as reader:
         with stopwatch.phase("start_up"):
-            clouds = standing_clouds(reader, options.parameters.frames)
-            roles = find_roles(reader.topics, options.topics, clouds)
-            _say_what_is_missing(options, reader, roles, say)
-            timeline = Timeline.of(reader, options, roles)
-            options = _adapted(options, timeline)
-            catalogue = catalogue_of(options.parameters)
-            builder = ArBuilder(options.parameters, catalogue, options.demand)
-            scenario = builder.lives.record_scenario() if options.save_scenario else None
-            replay = Replay(reader, builder, options, timeline, stopwatch)
-            grid, cloud = _read_files(options)
-            _prepare_places(options)
-            for sentence in timeline.sentences():
-                say(sentence)
-            if options.map_file is not None and (doubt := doubt_about_unknown(options.map_file)):
-                say(doubt)
-            _choose_camera(options, builder, replay, roles, say)
-            _prepare_kernels(options, catalogue, replay, roles, say)
-            _feed_files(options, grid, cloud, builder, replay.start_ns)
-        perceives = options.demand.perception
-        recorder = SceneRecorder(options.parameters, catalogue, is_perceiving=perceives)
-        keeper, standing = RecordKeeper(recorder, builder), StandingWatch(builder)
+            run = _prepared(reader, options, stopwatch, say)
+        replay = run.replay
         with ExitStack() as stack:
-            writers, counts = _open_writers(stack, options, reader, replay, builder, cloud)
+            writers, counts = _open_writers(stack, run)
             with stopwatch.phase(REPLAY_PHASE):
                 progress = open_progress(replay.start_ns, replay.start_ns + replay.length_ns)
-                replay.run([keeper, standing, *writers], progress)
-            grid = _known_map(reader, builder, replay, roles)
-    if scenario is not None and options.save_scenario is not None:
-        path, catalogue_file = options.save_scenario, options.parameters.catalogue
-        files = write_scenario(scenario.scenario(path.stem), path, catalogue_file)
-        say(f"scenario     {', '.join(map(str, files))}")
-        if catalogue_file and options.out is not None:
-            kept = options.out / PARAMETERS
-            say(f"it is of the catalogue {catalogue_file}: replay it with --params {kept}")
-    for notice in [*builder.notices, *builder.frames.drain_notices()]:
+                replay.run([run.keeper, run.standing, *writers], progress)
+            grid = _known_map(run)
+    _save_scenario(run, say)
+    for notice in [*run.builder.notices, *run.builder.frames.drain_notices()]:
         say(notice)
-    camera_frames = timeline.image_frames | {builder.camera.frame_id if builder.camera else ""}
+    return _outcome(run, grid, counts(), stopwatch)
+
+
+def _prepared(reader: BagReader, options: ReplayOptions, stopwatch: Stopwatch, say: Say) -> _Run:
+    """Choose the topics, read the files, and compile the kernels; say what the user should know."""
+    clouds = standing_clouds(reader, options.parameters.frames)
+    roles = find_roles(reader.topics, options.topics, clouds)
+    _say_what_is_missing(options, reader, roles, say)
+    timeline = Timeline.of(reader, options, roles)
+    options = _adapted(options, timeline)
+    catalogue = catalogue_of(options.parameters)
+    builder = ArBuilder(options.parameters, catalogue, options.demand)
+    scenario = builder.lives.record_scenario() if options.save_scenario else None
+    replay = Replay(reader, builder, options, timeline, stopwatch)
+    grid, cloud = _read_files(options)
+    _prepare_places(options)
+    for sentence in timeline.sentences():
+        say(sentence)
+    if options.map_file is not None and (doubt := doubt_about_unknown(options.map_file)):
+        say(doubt)
+    recorder = SceneRecorder(options.parameters, catalogue, is_perceiving=options.demand.perception)
+    keeper, standing = RecordKeeper(recorder, builder), StandingWatch(builder)
+    run = _Run(
+        reader,
+        options,
+        roles,
+        timeline,
+        catalogue,
+        builder,
+        scenario,
+        replay,
+        cloud,
+        recorder,
+        keeper,
+        standing,
+    )
+    _choose_camera(run, say)
+    _prepare_kernels(run, say)
+    _feed_files(run, grid)
+    return run
+
+
+def _save_scenario(run: _Run, say: Say) -> None:
+    """Write the run as a scenario if the user wants one; ScenarioError."""
+    path, catalogue_file = run.options.save_scenario, run.options.parameters.catalogue
+    if run.scenario is None or path is None:
+        return
+    files = write_scenario(run.scenario.scenario(path.stem), path, catalogue_file)
+    say(f"scenario     {', '.join(map(str, files))}")
+    if catalogue_file and run.options.out is not None:
+        kept = run.options.out / PARAMETERS
+        say(f"it is of the catalogue {catalogue_file}: replay it with --params {kept}")
+
+
+def _outcome(
+    run: _Run, grid: OccupancyGrid, written: Mapping[str, int], stopwatch: Stopwatch
+) -> Outcome:
+    """Return the result of a run, with the map known at its end and the messages written."""
+    builder, sensors = run.builder, run.builder.sensors
+    camera = builder.camera.frame_id if builder.camera else ""
+    camera_frames = run.timeline.image_frames | {camera}
     doubts = [
-        *_late_map(replay, keeper),
+        *_late_map(run),
         *filter(None, [builder.doubt_about_region]),
-        *_late_camera(options, replay, keeper),
-        *_old_poses(options, keeper),
+        *_late_camera(run),
+        *_old_poses(run),
         *upward_cameras(builder.frames, builder.robots.base_frame(), camera_frames),
-        *filter(None, [builder.sensors.doubt_about_depth]),
-        *standing.sentences(),
+        *filter(None, [sensors.doubt_about_depth]),
+        *run.standing.sentences(),
     ]
     return Outcome(
-        options,
-        replay.role_of_topic,
-        recorder.record(),
+        run.options,
+        run.replay.role_of_topic,
+        run.recorder.record(),
         grid,
         None if builder.world.environment is None else builder.world.environment.own_voxels,
-        builder.sensors.counts(),
-        builder.sensors.usual_problems(),
-        _camera_problem(options, builder, replay, keeper),
+        sensors.counts(),
+        sensors.usual_problems(),
+        _camera_problem(run),
         _cloud_problem(builder),
-        _scan_problem(replay, roles),
+        _scan_problem(run),
         doubts,
-        timeline.needed_wait_s,
-        replay.clock.apart,
-        replay.feed.refusals,
-        counts(),
+        run.timeline.needed_wait_s,
+        run.replay.clock.apart,
+        run.replay.feed.refusals,
+        written,
         stopwatch,
     )
 
@@ -210,48 +264,39 @@ def _prepare_places(options: ReplayOptions) -> None:
         prepare_scenario(options.save_scenario)
 
 
-def _choose_camera(
-    options: ReplayOptions, builder: ArBuilder, replay: Replay, roles: RolesFound, say: Say
-) -> None:
+def _choose_camera(run: _Run, say: Say) -> None:
     """Await the camera of the recording, or take the default one and say so."""
-    if CAMERA in replay.role_of_topic.values():
-        builder.await_camera()
-    elif options.parameters.camera.model is CameraModel.AUTO:
-        none_where = "is chosen" if roles.to_choose((CAMERA,)) else "in the recording"
-        say(f"no camera {none_where}: {builder.use_default_camera()}")
+    if CAMERA in run.replay.role_of_topic.values():
+        run.builder.await_camera()
+    elif run.options.parameters.camera.model is CameraModel.AUTO:
+        none_where = "is chosen" if run.roles.to_choose((CAMERA,)) else "in the recording"
+        say(f"no camera {none_where}: {run.builder.use_default_camera()}")
 
 
-def _prepare_kernels(
-    options: ReplayOptions, catalogue: Catalogue, replay: Replay, roles: RolesFound, say: Say
-) -> None:
+def _prepare_kernels(run: _Run, say: Say) -> None:
     """Compile or load the kernels that this recording needs."""
-    played = set(replay.role_of_topic.values())
+    played = set(run.replay.role_of_topic.values())
     needs = WarmUpNeeds(
         tuple(kind.miniature for role, kind in SENSORS.items() if role in played),
-        options.demand,
-        has_voxels=options.octomap_file is not None or roles.topic(OCTOMAP) is not None,
+        run.options.demand,
+        has_voxels=run.cloud is not None or run.roles.topic(OCTOMAP) is not None,
     )
     with said_if_slow(say, _PREPARING), KernelBar() as bar:
-        warm_up(catalogue, needs, bar.is_wanted, bar.count)
+        warm_up(run.catalogue, needs, bar.is_wanted, bar.count)
 
 
-def _feed_files(
-    options: ReplayOptions,
-    grid: OccupancyGrid | None,
-    cloud: Cloud | None,
-    builder: ArBuilder,
-    now_ns: int,
-) -> None:
+def _feed_files(run: _Run, grid: OccupancyGrid | None) -> None:
     """Give map and octomap to the builder; MapError, naming the file, for bad voxels."""
+    builder, now_ns = run.builder, run.replay.start_ns
     if grid is not None:
         builder.receive_map(grid, now_ns)
-    if cloud is not None:
-        centres_m, size_m = cloud
+    if run.cloud is not None:
+        centres_m, size_m = run.cloud
         try:
-            builder.receive_cloud(centres_m, options.parameters.frames.map, now_ns, size_m)
+            builder.receive_cloud(centres_m, run.options.parameters.frames.map, now_ns, size_m)
         except InputError as cause:
             reason = str(cause).removeprefix("voxel cloud: ")
-            raise MapError(f"{options.octomap_file}: {reason}") from cause
+            raise MapError(f"{run.options.octomap_file}: {reason}") from cause
     builder.prepare()
 
 
@@ -271,14 +316,10 @@ def _say_what_is_missing(
 
 
 def _open_writers(
-    stack: ExitStack,
-    options: ReplayOptions,
-    reader: BagReader,
-    replay: Replay,
-    builder: ArBuilder,
-    cloud: Cloud | None,
+    stack: ExitStack, run: _Run
 ) -> tuple[Sequence[Listener], Callable[[], Mapping[str, int]]]:
     """Return the listeners that write the recording, and a callable with their counts."""
+    options, replay = run.options, run.replay
     if options.out is None:
         return (), dict
     skipped = skipped_parts(options.demand)
@@ -287,11 +328,11 @@ def _open_writers(
     outputs = TickWriter(writer, replay.role_of_topic, options.parameters, options.demand)
     if not options.with_inputs:
         return (outputs,), writer.counts
-    copy = InputCopy(reader, writer, replay.role_of_topic)
-    if options.map_file is not None and builder.world.grid is not None:
-        copy.write_map("/map", builder.world.grid, replay.start_ns)
-    if cloud is not None:
-        copy.write_cloud(cloud[0], options.parameters.frames.map, replay.start_ns)
+    copy = InputCopy(run.reader, writer, replay.role_of_topic)
+    if options.map_file is not None and run.builder.world.grid is not None:
+        copy.write_map("/map", run.builder.world.grid, replay.start_ns)
+    if run.cloud is not None:
+        copy.write_cloud(run.cloud[0], options.parameters.frames.map, replay.start_ns)
     if statics := _static_transforms(options.parameters, replay.start_ns):
         copy.write_static(statics, replay.start_ns)
     return (outputs, copy), writer.counts
@@ -307,10 +348,9 @@ def _static_transforms(parameters: Parameters, stamp_ns: int) -> list[StampedTra
     return transforms
 
 
-def _known_map(
-    reader: BagReader, builder: ArBuilder, replay: Replay, roles: RolesFound
-) -> OccupancyGrid:
+def _known_map(run: _Run) -> OccupancyGrid:
     """Return the last map; BagError where there was none, or the robot's pose was never known."""
+    builder, replay = run.builder, run.replay
     grid = builder.world.grid
     if grid is None:
         reason = _refused(replay, ("map",)) or "the recording has none before its end"
@@ -326,7 +366,7 @@ def _known_map(
         reason = builder.robots.missing + (f"; refused: {refused}" if refused else "")
         raise BagError(
             f"the robot's pose in the map was never known ({reason}):"
-            f" {_what_joins(reader, builder, roles)}"
+            f" {_what_joins(run.reader, builder, run.roles)}"
         )
     return grid
 
@@ -384,17 +424,16 @@ def _refused(replay: Replay, roles: Collection[str]) -> str:
     return "; ".join(filter(None, said))
 
 
-def _camera_problem(
-    options: ReplayOptions, builder: ArBuilder, replay: Replay, keeper: RecordKeeper
-) -> str:
+def _camera_problem(run: _Run) -> str:
     """Return why perception was impossible, empty if it was not."""
-    if not options.demand.perception or builder.looks:
+    builder, replay = run.builder, run.replay
+    if not run.options.demand.perception or builder.looks:
         return ""
     topic = _camera_topic(replay)
     if builder.camera is None:
         why = _refused(replay, (CAMERA,)) or f"none came on {topic} in this time"
         return f"no usable CameraInfo was received ({why}); {WITHOUT_CAMERA_INFO}"
-    if keeper.camera_since_ns is None:
+    if run.keeper.camera_since_ns is None:
         return f"the first CameraInfo of {topic} came after the last tick; {WITHOUT_CAMERA_INFO}"
     refused = _refused(replay, TRANSFORM_ROLES)
     cause = f"; refused: {refused}" if refused else ""
@@ -404,51 +443,52 @@ def _camera_problem(
     )
 
 
-def _scan_problem(replay: Replay, roles: RolesFound) -> str:
+def _scan_problem(run: _Run) -> str:
     """Return why there was no scan though the recording has some; empty if there was one."""
-    if "scan" in replay.role_of_topic.values() or not roles.to_choose(("scan",)):
+    if "scan" in run.replay.role_of_topic.values() or not run.roles.to_choose(("scan",)):
         return ""
     return "no scan was augmented: give --topic scan:=/NAME for each of those that are to be"
 
 
-def _late_ns(replay: Replay, keeper: RecordKeeper, since_ns: int | None) -> int:
+def _late_ns(run: _Run, since_ns: int | None) -> int:
     """Return how long an input was missing at the beginning; 0 if never, or always.
 
     The first tick may be late itself, as at 0.5 Hz: what it knew was not missing.
     """
-    return 0 if since_ns in (None, keeper.first_ns) else since_ns - replay.start_ns
+    return 0 if since_ns in (None, run.keeper.first_ns) else since_ns - run.replay.start_ns
 
 
-def _late_map(replay: Replay, keeper: RecordKeeper) -> list[str]:
+def _late_map(run: _Run) -> list[str]:
     """Return a sentence if the map was unknown for a while at the beginning."""
-    late_ns = _late_ns(replay, keeper, keeper.map_since_ns)
+    late_ns = _late_ns(run, run.keeper.map_since_ns)
     if late_ns <= LATE_INPUT_NS:
         return []
-    topic = next(topic for topic, role in replay.role_of_topic.items() if role == "map")
+    topic = next(topic for topic, role in run.replay.role_of_topic.items() if role == "map")
     said = f"nobody could arrive in the first {late_ns / NS_PER_S:.1f} s: no map came on {topic}"
     return [f"{said} before; --map FILE.yaml takes one from the beginning on"]
 
 
-def _late_camera(options: ReplayOptions, replay: Replay, keeper: RecordKeeper) -> list[str]:
+def _late_camera(run: _Run) -> list[str]:
     """Return a sentence if the camera was unknown for a while at the beginning."""
-    late_ns = _late_ns(replay, keeper, keeper.camera_since_ns)
-    if not options.demand.perception or late_ns <= LATE_INPUT_NS:
+    late_ns = _late_ns(run, run.keeper.camera_since_ns)
+    if not run.options.demand.perception or late_ns <= LATE_INPUT_NS:
         return []
     late_s = late_ns / NS_PER_S
-    topic = _camera_topic(replay)
+    topic = _camera_topic(run.replay)
     said = (
         f"nothing was perceived in the first {late_s:.1f} s: no CameraInfo came on {topic} before"
     )
     return [f"{said}; {WITHOUT_CAMERA_INFO}"]
 
 
-def _old_poses(options: ReplayOptions, keeper: RecordKeeper) -> list[str]:
+def _old_poses(run: _Run) -> list[str]:
     """Return a sentence if the robot's pose was too old in many ticks."""
+    keeper = run.keeper
     if keeper.old_ticks <= SHARE * keeper.ticks:
         return []
     needed_s = math.ceil(keeper.oldest_ns / (NS_PER_S // 10)) / 10.0
     said = (
-        f"the robot's pose was more than {options.parameters.frames.max_age:g} s old in "
+        f"the robot's pose was more than {run.options.parameters.frames.max_age:g} s old in "
         f"{keeper.old_ticks} of {keeper.ticks} ticks, so that nothing was perceived in these"
     )
     return [f"{said}: --set frames.max_age:={needed_s:g} takes poses as old as they came"]
