@@ -62,6 +62,7 @@ from are_ros.replay.survey.recorded_pose import option_of_poses
 from are_ros.replay.timeline import (
     LATE_INPUT_NS,
     WITHOUT_CAMERA_INFO,
+    SubstituteInfo,
     refuse_absent_infos,
     substitute_infos,
 )
@@ -116,6 +117,33 @@ class Inspection:
     misfits: tuple[str, ...]
 
 
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """What was read of a recording, before it is said what is missing.
+
+    `trouble` is why its stamps give no clock. `role_of_topic` has the sensors and the CameraInfo.
+    `lenses` are the topics of the CameraInfos of images, `readings` as of `_first_readings`, and
+    `waits` as of `_waits`.
+    """
+
+    reader: BagReader
+    roles: RolesFound
+    times: RecordedTimes
+    clock: BagClock
+    trouble: str
+    stretches: Stretches
+    frame_ids: Mapping[str, str]
+    survey: FrameSurvey
+    tree: FrameTree
+    map_frame: str
+    base_frame: str
+    role_of_topic: Mapping[str, str]
+    lenses: Mapping[str, str]
+    infos: Sequence[SubstituteInfo]
+    readings: Mapping[str, Any]
+    waits: Sequence[tuple[str, bool]]
+
+
 def inspect_bag(
     reader: BagReader,
     overrides: Mapping[str, str] | None = None,
@@ -134,8 +162,43 @@ def inspect_bag(
     named = {topic: role for role, topics in sensors.items() for topic in topics}
     for topic, role in named.items():
         find_roles(reader.topics, {role: topic})  # refuses what is of another type
+    found = _look_through(reader, roles, named, parameters, has_map_file=has_map_file)
+    clock, infos = found.clock, found.infos
+    return Inspection(
+        reader.start_ns,
+        reader.end_ns,
+        tuple(
+            InspectedTopic(
+                topic, _rate_hz(reader, topic, found.stretches), found.frame_ids.get(topic.name, "")
+            )
+            for topic in reader.topics
+        ),
+        roles,
+        sensors,
+        found.survey,
+        found.map_frame,
+        found.base_frame,
+        tuple(_missing(found, parameters, sensors, has_map_file=has_map_file)),
+        (
+            *found.stretches.sentences(reader.start_ns),
+            *filter(None, (clock.sentence, clock.disagreement, found.trouble)),
+            *(sentence for sentence, is_known in found.waits if is_known),
+        ),
+        (*(one.sentence() for one in infos if one.chosen), *_misfits(found.readings)),
+    )
+
+
+def _look_through(
+    reader: BagReader,
+    roles: RolesFound,
+    named: Mapping[str, str],
+    parameters: Parameters,
+    *,
+    has_map_file: bool,
+) -> _Found:
+    """Read what is needed of a recording; `named` are the roles of topics that the user names."""
     given_edges = [(p, c) for p, c, _ in parse_static_transforms(parameters.frames.static)]
-    reader.expect(types_of(roles.by_topic(ROLE_TYPES) | named))
+    reader.expect(types_of({**roles.by_topic(ROLE_TYPES), **named}))
     frame_ids = _first_frames(reader)
     times = RecordedTimes.read(reader, _timed(reader, roles, named), reader.start_ns, reader.end_ns)
     clock, trouble = _clock(times)
@@ -143,72 +206,78 @@ def inspect_bag(
     recorded = RecordedFrames(parameters)
     source = odometry_source(parameters)
     survey = _survey(reader, roles, given_edges, clock, stretches, recorded, source)
-    topics = tuple(
-        InspectedTopic(topic, _rate_hz(reader, topic, stretches), frame_ids.get(topic.name, ""))
-        for topic in reader.topics
-    )
-    map_topic = roles.topic("map")
-    of_map = "" if has_map_file else frame_ids.get(map_topic or "", "")
-    world_frame = parameters.frames.map
-    map_frame = of_map or world_frame
+    of_map = "" if has_map_file else frame_ids.get(roles.topic("map") or "", "")
+    map_frame = of_map or parameters.frames.map
     base_frame = parameters.frames.base or base_frame_of(survey.frames(), times.odometry_child)
-    has_base = base_frame in survey.frames()
-    role_of_topic = roles.by_topic(_SENSOR_ROLES) | named
-    placed = survey.connected_to(map_frame)
+    role_of_topic = {**roles.by_topic(_SENSOR_ROLES), **named}
     cameras = {frame_ids.get(topic, "") for topic in _camera_topics(role_of_topic)}
     upwards = upward_cameras(recorded.tree, base_frame, cameras) if base_frame else []
     standing = _standing(survey, map_frame, base_frame)
-    survey = replace(survey, oddities=(*survey.oddities, *upwards, *standing))
+    placed, history_s = survey.connected_to(map_frame), parameters.poses.history
     readings = _first_readings(reader, role_of_topic)
     lenses = lens_topics(role_of_topic, parameters.sensors)
     refuse_absent_infos(reader, parameters.sensors)
-    infos = substitute_infos(reader, lenses, parameters.sensors.camera_infos)
-    history_s = parameters.poses.history
-    waits = list(_waits(times, clock, role_of_topic, map_frame, given_edges, placed, history_s))
-    missing = [
-        *([] if map_topic or has_map_file else [_NO_MAP]),
-        *([] if has_map_file else _poor_map(reader, roles)),
-        *_other_map_frame(map_topic, map_frame, world_frame),
-        *survey.refused,
-        *_unchosen(roles, sensors),
-        *_missing_pose(survey, map_frame, base_frame, reader, roles, recorded.tree),
-        *_turned_round(survey),
-        *_rings(survey),
-        *_missing_frames(role_of_topic, frame_ids),
-        *(_missing_mounts(survey, role_of_topic, frame_ids, base_frame) if has_base else ()),
-        *_missing_cloud_frame(survey, roles.topic(OCTOMAP), frame_ids, map_frame),
-        *(_missing_camera(reader, roles) if parameters.camera.model is CameraModel.AUTO else ()),
-        *(one.sentence() for one in infos if not one.chosen),
-        *_missing_lenses(reader, lenses),
-        *_missing_readings(readings, role_of_topic),
-        *_missing_stamps(times),
-        *_missing_repeats(survey, reader.end_ns - reader.start_ns),
-        *_missing_clock(clock),
-        *([_LOOPED if "--start" in trouble else _MIXED] if trouble else []),
-        *(sentence for sentence, is_known in waits if not is_known),
-    ]
-    return Inspection(
-        reader.start_ns,
-        reader.end_ns,
-        topics,
+    return _Found(
+        reader,
         roles,
-        sensors,
-        survey,
+        times,
+        clock,
+        trouble,
+        stretches,
+        frame_ids,
+        replace(survey, oddities=(*survey.oddities, *upwards, *standing)),
+        recorded.tree,
         map_frame,
         base_frame,
-        tuple(missing),
-        (
-            *stretches.sentences(reader.start_ns),
-            *filter(None, (clock.sentence, clock.disagreement, trouble)),
-            *(sentence for sentence, is_known in waits if is_known),
-        ),
-        (*(one.sentence() for one in infos if one.chosen), *_misfits(readings)),
+        role_of_topic,
+        lenses,
+        substitute_infos(reader, lenses, parameters.sensors.camera_infos),
+        readings,
+        list(_waits(times, clock, role_of_topic, map_frame, given_edges, placed, history_s)),
     )
 
 
-def _timed(reader: BagReader, roles: RolesFound, named: dict[str, str]) -> dict[str, str]:
+def _missing(
+    found: _Found,
+    parameters: Parameters,
+    sensors: Mapping[str, Sequence[str]],
+    *,
+    has_map_file: bool,
+) -> Iterable[str]:
+    """Yield a sentence, with the option where there is one, for each input that is missing."""
+    reader, roles, survey = found.reader, found.roles, found.survey
+    map_topic, frame_ids, role_of_topic = roles.topic("map"), found.frame_ids, found.role_of_topic
+    map_frame, base_frame = found.map_frame, found.base_frame
+    if not has_map_file:
+        if map_topic is None:
+            yield _NO_MAP
+        yield from _poor_map(reader, roles)
+    yield from _other_map_frame(map_topic, map_frame, parameters.frames.map)
+    yield from survey.refused
+    yield from _unchosen(roles, sensors)
+    yield from _missing_pose(survey, map_frame, base_frame, reader, roles, found.tree)
+    yield from _turned_round(survey)
+    yield from _rings(survey)
+    yield from _missing_frames(role_of_topic, frame_ids)
+    if base_frame in survey.frames():
+        yield from _missing_mounts(survey, role_of_topic, frame_ids, base_frame)
+    yield from _missing_cloud_frame(survey, roles.topic(OCTOMAP), frame_ids, map_frame)
+    if parameters.camera.model is CameraModel.AUTO:
+        yield from _missing_camera(reader, roles)
+    yield from (one.sentence() for one in found.infos if not one.chosen)
+    yield from _missing_lenses(reader, found.lenses)
+    yield from _missing_readings(found.readings, role_of_topic)
+    yield from _missing_stamps(found.times)
+    yield from _missing_repeats(survey, reader.end_ns - reader.start_ns)
+    yield from _missing_clock(found.clock)
+    if found.trouble:
+        yield _LOOPED if "--start" in found.trouble else _MIXED
+    yield from (sentence for sentence, is_known in found.waits if not is_known)
+
+
+def _timed(reader: BagReader, roles: RolesFound, named: Mapping[str, str]) -> dict[str, str]:
     """Return the roles of the topics that tell the time; all scans where none is chosen."""
-    found = roles.by_topic(("tf_static", *MOVING_ROLES)) | named
+    found = {**roles.by_topic(("tf_static", *MOVING_ROLES)), **named}
     if "scan" not in found.values():
         types = ROLE_TYPES["scan"]
         found |= {topic.name: "scan" for topic in reader.topics if topic.type_name in types}
