@@ -227,52 +227,72 @@ class DecisionLayer:
         Navigation finds the way, and the local planner gets the motion command. Others see the new
         activities in the next sub-step.
         """
-        table = self._table
-        rows: list[int] = np.flatnonzero(table.phases == index % self._period).tolist()
+        rows: list[int] = np.flatnonzero(self._table.phases == index % self._period).tolist()
         if not rows:
             return []
-        epochs = range(self._period, (AHEAD + 1) * self._period, self._period)
-        ahead_m = np.stack([table.committed(steps)[:, :2] for steps in epochs], axis=1)
-        columns = (table.ids, table.poses, self._planner.motion[:, 5], ahead_m, table.radii_m)
-        view = AgentSnapshot(table.artefacts.copy(), columns, self.sees, table.doing_now())
-        left, deciding = list[int](), dict[int, AgentState]()
-        for row in rows:
-            state = table.states[row]
-            if state is None:
-                continue
-            if isinstance(state.behaviour, Leaving) and state.behaviour.has_left:
-                left.append(table.artefacts[row].id)
-            else:
-                deciding[row] = state
-        situations = dict(
-            zip(deciding, self._situations(deciding, now_ns, view, robot), strict=True)
-        )
-        known = self._choose_behaviours(situations, view, robot)
+        view = self._snapshot()
+        left, deciding = self._deciding(rows)
+        situations = self._situations(deciding, now_ns, view, robot)
+        known = self._choose_behaviours(dict(zip(deciding, situations, strict=True)), view, robot)
         requests = [
-            _request(state, situations[row], self._intent(row, state, situations[row]))
-            for row, state in deciding.items()
+            _request(state, situation, self._intent(row, state, situation))
+            for (row, state), situation in zip(deciding.items(), situations, strict=True)
         ]
         prospects = self._prospects(dict(zip(deciding, requests, strict=True)), known, view, robot)
         results = [self._act(*one) for one in zip(requests, prospects, strict=True)]
         if self.report is not None:
             for decision in zip(requests, prospects, results, strict=True):
                 self.report(*decision, view, robot)
-        commands = [
-            result.command._replace(planner=table.artefacts[row].planner)
-            for row, result in zip(deciding, results, strict=True)
-        ]
-        self._planner.give_commands(list(deciding), commands)
-        for (row, situation), request, prospect, result in zip(
-            situations.items(), requests, prospects, results, strict=True
-        ):
-            request.state.note_result(request, result)
-            value = prospect.value if prospect.kind is Prospects.CHOOSES else None
-            request.state.note_gain(request.intent.goal_m, value, now_ns)
-            agent = table.artefacts[row]
-            is_turning = self._planner.is_manoeuvring(row)
-            activity = _activity(request, result, situation, is_turning)
-            agent.activity = "" if activity == agent.behaviour else activity
+        self._command(list(deciding), results)
+        for decided in zip(deciding, requests, prospects, results, situations, strict=True):
+            self._note(*decided)
         return left
+
+    def _snapshot(self) -> AgentSnapshot:
+        """Return all agents as those that decide see them."""
+        table = self._table
+        epochs = range(self._period, (AHEAD + 1) * self._period, self._period)
+        ahead_m = np.stack([table.committed(steps)[:, :2] for steps in epochs], axis=1)
+        columns = (table.ids, table.poses, self._planner.motion[:, 5], ahead_m, table.radii_m)
+        return AgentSnapshot(table.artefacts.copy(), columns, self.sees, table.doing_now())
+
+    def _deciding(self, rows: Sequence[int]) -> tuple[list[int], dict[int, AgentState]]:
+        """Return the ids of agents that have left by an exit, and the states of the others."""
+        left, deciding = list[int](), dict[int, AgentState]()
+        for row in rows:
+            state = self._table.states[row]
+            if state is None:
+                continue
+            if isinstance(state.behaviour, Leaving) and state.behaviour.has_left:
+                left.append(self._table.artefacts[row].id)
+            else:
+                deciding[row] = state
+        return left, deciding
+
+    def _command(self, rows: Sequence[int], results: Sequence[NavigationResult]) -> None:
+        """Give the local planner the motion commands of agents, each with the planner chosen."""
+        artefacts = self._table.artefacts
+        commands = [
+            result.command._replace(planner=artefacts[row].planner)
+            for row, result in zip(rows, results, strict=True)
+        ]
+        self._planner.give_commands(rows, commands)
+
+    def _note(
+        self,
+        row: int,
+        request: NavigationRequest,
+        prospect: Prospect,
+        result: NavigationResult,
+        situation: Situation,
+    ) -> None:
+        """Keep what an agent has decided, and name what it does now."""
+        request.state.note_result(request, result)
+        value = prospect.value if prospect.kind is Prospects.CHOOSES else None
+        request.state.note_gain(request.intent.goal_m, value, situation.now_ns)
+        agent, is_turning = self._table.artefacts[row], self._planner.is_manoeuvring(row)
+        activity = _activity(request, result, situation, is_turning)
+        agent.activity = "" if activity == agent.behaviour else activity
 
     def _choose_behaviours(
         self, situations: Mapping[int, Situation], view: AgentSnapshot, robot: RobotView | None
