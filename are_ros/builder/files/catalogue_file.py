@@ -229,7 +229,7 @@ def _shares(
     """Return the probability of each behaviour or planner; user-defined ones are imported."""
     raw = given.raw(key)
     own = [name for name in raw if ":" in str(name)] if isinstance(raw, dict) else []
-    weights = given.section(key, (*known, *own))
+    weights = given.section(key, (*known, "module:Class", *own))
     for name in weights:
         if (reason := why_not(name)) is not None:
             weights.refuse(name, reason)

@@ -204,6 +204,7 @@ def test_a_glb_stands_as_its_format_says(tmp_path: Path) -> None:
         ({"motion": {"running_factor": 0.5}}, "motion.running_factor is 0.5, but must be >= 1"),
         ({"behaviours": {"walk": 1}}, "behaviours.walk is not known; did you mean 'walking'?"),
         ({"behaviours": {"zzz": 1}}, "behaviours.zzz is not known; known are standing"),
+        ({"planners": {"zzz": 1}}, "social_force, path_following, module:Class"),
         ({"behaviours": {"walking": 0}}, "behaviours has no positive weight"),
         ({"behaviours": {}}, "behaviours has no positive weight"),
         (
