@@ -244,7 +244,10 @@ class DecisionLayer:
             for decision in zip(requests, prospects, results, strict=True):
                 self.report(*decision, view, robot)
         self._command(list(deciding), results)
-        for decided in zip(deciding, requests, prospects, results, situations, strict=True):
+        turning = self._planner.are_manoeuvring(list(deciding))
+        for decided in zip(
+            deciding, requests, prospects, results, situations, turning, strict=True
+        ):
             self._note(*decided)
         return left
 
@@ -285,12 +288,13 @@ class DecisionLayer:
         prospect: Prospect,
         result: NavigationResult,
         situation: Situation,
+        is_turning: bool,
     ) -> None:
         """Keep what an agent has decided, and name what it does now."""
         request.state.note_result(request, result)
         value = prospect.value if prospect.kind is Prospects.CHOOSES else None
         request.state.note_gain(request.intent.goal_m, value, situation.now_ns)
-        agent, is_turning = self._table.artefacts[row], self._planner.is_manoeuvring(row)
+        agent = self._table.artefacts[row]
         activity = _activity(request, result, situation, is_turning)
         agent.activity = "" if activity == agent.behaviour else activity
 
@@ -474,16 +478,17 @@ class DecisionLayer:
     ) -> list[Situation]:
         """Return what each of these agents, given by row, knows at its decision."""
         rows, situations = list(deciding), list[Situation]()
-        for (row, state), me, (kind, other_id, since_s) in zip(
+        for (row, state), me, (kind, other_id, since_s), is_turning in zip(
             deciding.items(),
             map(view.neighbour_at, rows),
             self._planner.obstructions(rows),
+            self._planner.are_manoeuvring(rows),
             strict=True,
         ):
             agent = self._table.artefacts[row]
             state.note_place(me.point_m, now_ns)
             blocked_s = 0.0 if kind is Obstruction.NONE else since_s
-            stuck_s = TURNS_S if self._planner.is_manoeuvring(row) else STUCK_S
+            stuck_s = TURNS_S if is_turning else STUCK_S
             for without_s in (state.lingered_s, (now_ns - state.gained_ns) / NS_PER_S):
                 if without_s > stuck_s:
                     blocked_s = max(blocked_s, without_s)

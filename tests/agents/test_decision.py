@@ -106,9 +106,9 @@ class Road:
         """Say what is in the way."""
         return [self.way for _ in rows]
 
-    def is_manoeuvring(self, row: int) -> bool:
+    def are_manoeuvring(self, rows: Sequence[int]) -> list[bool]:
         """Say who turns round."""
-        return int(self.table.ids[row]) in self.manoeuvring
+        return [agent_id in self.manoeuvring for agent_id in self.table.ids[list(rows)].tolist()]
 
     @property
     def motion(self) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:

@@ -178,9 +178,10 @@ class LocalPlanner:
             for kind, who, since_s in zip(*fields, strict=True)
         ]
 
-    def is_manoeuvring(self, row: int) -> bool:
-        """Return whether an agent drives a leg of a manoeuvre, as to turn round between walls."""
-        return bool(self._table.arrays.memory["leg"][row])
+    def are_manoeuvring(self, rows: Sequence[int]) -> list[bool]:
+        """Return whether agents drive a leg of a manoeuvre, as to turn round between walls."""
+        legs: list[int] = self._table.arrays.memory["leg"][list(rows)].tolist()
+        return [leg != 0 for leg in legs]
 
 
 # One sub-step of all agents: those that are due plan, one after the other, and all move on.

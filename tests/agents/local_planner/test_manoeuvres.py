@@ -57,7 +57,7 @@ def test_in_the_open_a_vehicle_turns_round_forward(body: Body) -> None:
             street.step()
         assert street.distance(1) < 3.0
         assert driven(street.track).min() > -1e-6
-        assert not street.planner.is_manoeuvring(0)
+        assert street.planner.are_manoeuvring([0]) == [False]
 
 
 def test_to_a_place_close_behind_it_a_vehicle_reverses() -> None:
@@ -82,11 +82,11 @@ def test_in_an_aisle_a_vehicle_turns_round_in_few_legs(
     turned = False
     for _ in range(40):
         street.run(1.0)
-        turned = turned or street.planner.is_manoeuvring(0)
+        turned = turned or street.planner.are_manoeuvring([0]) == [True]
         if street.poses[0, 0] < 12.0:
             break
     assert turned
-    assert not street.planner.is_manoeuvring(0)
+    assert street.planner.are_manoeuvring([0]) == [False]
     ways_m = driven(street.track)
     assert shunts(ways_m) <= most
     assert -ways_m[ways_m < 0.0].sum() < 2.5 * body.turn_radius_m
@@ -209,10 +209,10 @@ def test_a_planner_of_a_user_drives_no_manoeuvre() -> None:
     street.add(1, 30.0, 4.0, 0.0, CAR)
     go_on(street, (5.0, 4.0))
     street.run(1.0)
-    assert street.planner.is_manoeuvring(0)
+    assert street.planner.are_manoeuvring([0]) == [True]
     street.send(1, 5.0, 4.0, planner=f"{MODULE}:Sideways")
     street.run(1.0)
-    assert not street.planner.is_manoeuvring(0)
+    assert street.planner.are_manoeuvring([0]) == [False]
 
 
 def test_a_leg_is_open_to_its_end_and_is_driven_as_it_was_found() -> None:
