@@ -13,6 +13,8 @@ its own name. Another name is a remapping around the inclusion of this file:
     ])
 """
 
+import atexit
+import shutil
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -89,6 +91,7 @@ def parameters(given: dict[str, str]) -> list[str]:
     from are_ros.parameters.ros_yaml import assignments_for_ros, parameter_file_for_ros
 
     folder = Path(tempfile.mkdtemp(prefix="ar_builder_"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)  # a respawned node reads it again
     texts = [parameter_file_for_ros([Path(given["params_file"])], given["namespace"])]
     flags = [f"{name}:={is_true(given[name])}" for name in FLAGS if given[name]]
     texts += [assignments_for_ros(flags)] if flags else []

@@ -1,8 +1,10 @@
 """The files for a robot: launch, rviz, Nav2, colcon, and what README.md says of them."""
 
 import fnmatch
+import os
 import py_compile
 import re
+import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from importlib.util import find_spec, module_from_spec, spec_from_file_location
@@ -116,6 +118,24 @@ def test_arguments_come_after_the_file(launch_file: Any, tmp_path: Path) -> None
     given |= {"autostart": "False", "use_sim_time": "true"}
     with pytest.raises(ValueError, match="'maybe' is neither true nor false"):
         launch_file.parameters(given | {"use_sim_time": "maybe"})
+
+
+def test_the_files_of_a_launch_are_removed_at_its_end(tmp_path: Path) -> None:
+    """Not before: a node that is respawned reads them again."""
+    (tmp_path / "mine.yaml").write_text("{ar_builder: {ros__parameters: {seed: 7}}}")
+    given = {"params_file": "mine.yaml", "namespace": "", "use_sim_time": "", "autostart": ""}
+    words = f"from runpy import run_path; print(*run_path({str(LAUNCH)!r})['parameters']({given}))"
+    done = subprocess.run(
+        [sys.executable, "-c", f"{words}; import os; print(os.listdir(os.environ['TMPDIR']))"],
+        cwd=tmp_path,
+        env={**os.environ, "TMPDIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    path, during = done.stdout.splitlines()
+    assert Path(path).parent.name in during
+    assert [one.name for one in tmp_path.iterdir()] == ["mine.yaml"]
 
 
 def test_arguments_win_within_another_launch_file(
