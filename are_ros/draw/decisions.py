@@ -174,8 +174,9 @@ def map_axes(
 
 
 def name_map(axes: Any, title: str) -> None:
-    """Write the title of a map, and draw a line around it."""
-    name_axes(axes, title)
+    """Write the title of a map and its unit, and draw a line around it."""
+    name_axes(axes, title, "[m]")
+    axes.xaxis.labelpad = 0.0
     axes.spines[:].set_visible(True)
     axes.spines[:].set_color(EDGE_HEX)
     axes.tick_params(labelsize=7.5)

@@ -225,6 +225,9 @@ Floats = npt.NDArray[np.float64]
 _HEIGHTS_IN: Final = (4.3, 2.5)
 _LEFT_IN: Final = 8.2
 _MARGIN_IN: Final = 0.7
+_LEGEND_COLUMNS: Final = 3
+_TEXT_SHARE, _LEGEND_LINE_SHARE = 0.16, 0.085
+"""How much of the height of a lower panel a line of text takes, and a line of the legend."""
 _NARROWEST, _WIDEST = 0.55, 1.7
 _LAW: Final = hex_of(LAW)
 _PATH: Final = hex_of(TINT)
@@ -425,11 +428,13 @@ def _draw_rows(axes: Any, trial: Trial, catalogue: Catalogue, probabilities: Flo
         colour = hex_of(colours[name])
         axes.bar(own, drawn[own], width=0.86, color=colour, alpha=0.55, label=name)
     axes.plot(rows, probabilities, "o-", color=INK_HEX, ms=2.4, lw=0.9)
-    top = 1.3 * float(max(drawn.max(), probabilities.max()))
-    axes.set(xlim=(-0.8, len(rows) - 0.2), ylim=(0.0, top))
     _write(axes, [f"{len(trial.rows)} artefacts"])
     look = {"frameon": False, "fontsize": 8.5, "labelcolor": INK_HEX, "handlelength": 1.0}
-    axes.legend(loc="center right", **look)
+    lines = math.ceil(len(catalogue.class_names) / _LEGEND_COLUMNS)
+    axes.legend(loc="upper right", bbox_to_anchor=(1.0, 0.91), ncol=_LEGEND_COLUMNS, **look)
+    room = min(_TEXT_SHARE + lines * _LEGEND_LINE_SHARE, 0.6)
+    top = float(max(drawn.max(), probabilities.max())) / (1.0 - room)
+    axes.set(xlim=(-0.8, len(rows) - 0.2), ylim=(0.0, top))
     name_axes(axes, "rows of the catalogue, by Eq. 1", "row", "share")
 
 

@@ -1,11 +1,20 @@
-"""fit.png: how far its axes go, and what is written on them."""
+"""Plots: how far the axes of fit.png go, and what is written on axes."""
 
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
+from are_ros.draw.decisions import name_map
 from are_ros.draw.plots import bic_ticks, climb_length
+
+
+def test_a_map_has_its_unit() -> None:
+    """What stands at its ticks are metres."""
+    axes = Figure().add_subplot()
+    name_map(axes, "ways")
+    assert axes.get_xlabel() == "[m]"
 
 
 @pytest.mark.parametrize(

@@ -99,6 +99,28 @@ def test_every_axis_says_what_it_is() -> None:
         assert axes.get_ylabel() == f"density [1/{unit[1:]}"
 
 
+@pytest.mark.parametrize("count", [2, 7, 12])
+def test_the_names_of_the_classes_are_on_no_bar(count: int) -> None:
+    """However few rows there are, and so however wide their bars."""
+    rows = tuple(
+        CatalogueRow(k, f"row {k}", f"structure {k}", (0.3, 0.3, 1.0), (0.0, 0.0, 0.0), Shape.WALL)
+        for k in range(count)
+    )
+    catalogue = Catalogue(rows)
+    parameters = with_values(Parameters(), {**MIXTURE, "mixture.rates": [0.5]})
+    figure = Figure(figsize=(16.0, 9.0))
+    draw_trial(figure, run_trial(parameters, catalogue, Site()), parameters, catalogue, Site())
+    figure.canvas.draw()
+    axes = figure.axes[5]
+    named, (text,) = axes.get_legend(), axes.texts
+    assert named is not None
+    legend = named.get_window_extent()
+    assert not legend.overlaps(text.get_window_extent())
+    assert legend.x0 >= axes.bbox.x0 - 2.0
+    for bar in axes.patches:
+        assert bar.get_window_extent().y1 <= legend.y0
+
+
 def test_means_are_those_of_what_is_counted_beside_them() -> None:
     """Waits as lives: so many, with their own mean, not the law's."""
     parameters = with_values(Parameters(), MIXTURE)
