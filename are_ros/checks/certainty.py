@@ -84,7 +84,7 @@ class _Squares:
         text = f"normalised squared errors of the {self.name} are {mean:.2f} in the mean, not 1"
         tally.look()
         tally.require(low <= self._sum <= high, text)
-        tally.note(f"{self.name}: {mean:.2f} of 1")
+        tally.note(f"squared errors of the {self.name}: {mean:.2f} of those stated")
 
 
 class _FirstBehaviours:

@@ -360,12 +360,12 @@ def decision_lines(
     paces = zip(model.effort, paces_mps(row), strict=True)
     effort = listed([f"{price:.3g} at {speed:.2g} m/s" for price, speed in paces])
     turns = f"{model.quarter_turn:.3g} for a quarter turn, {model.half_turn:.3g} for a half"
-    walls = f"{model.clearance:.3g} beside walls"
+    walls = f"up to {model.clearance:.3g} more beside walls"
     runs = [f"{percent(one.running_share)} at {one.left_s:g} s" for one in journey.horizons]
     return [
         ("reach", f"{reaches} {cells} of {coarse.cell_size_m:g} m in an epoch ({speeds})"),
         ("epoch", f"{settings.decision_period:g} s, horizon {journey.horizons[-1].left_s:g} s"),
-        ("prices", f"of an epoch {model.time:.3g}, and {walls}; {model.rest:.3g} less for a stop"),
+        ("prices", f"of an epoch {model.time:.3g}, {walls}; {model.rest:.3g} less for a stop"),
         ("", f"effort {effort}"),
         ("", turns),
         ("goal", f"worth {model.goal:.3g}; late: {model.late:g} times the rest of the way"),

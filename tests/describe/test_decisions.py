@@ -92,6 +92,18 @@ def test_the_best_action_brings_the_value(adult: CatalogueRow, survey: Survey, s
         assert greatest[:, is_open] == pytest.approx(solution.plane(t)[:, is_open], abs=1e-5)
 
 
+def test_who_slips_runs_for_that_slips_less(adult: CatalogueRow, survey: Survey) -> None:
+    """A run takes half the moves: with slips it is best in more places, with any time left."""
+    steady, slipping = (
+        journey_of(adult, with_values(Parameters(), {"behaviour.slip": slip}).behaviour, survey)
+        for slip in (0.0, 0.3)
+    )
+    assert steady.horizons[-1].running_share == 0.0
+    assert slipping.horizons[-1].running_share > 0.1
+    for without, with_slips in zip(steady.horizons, slipping.horizons, strict=True):
+        assert with_slips.running_share > without.running_share
+
+
 def test_who_is_late_runs(adult: CatalogueRow, survey: Survey) -> None:
     """The less is left of the life, the more of the floor is for running; arrows go to the goal."""
     journey = journey_of(adult, PARAMETERS.behaviour, survey, shown_s=(3.0,))
@@ -144,6 +156,7 @@ def test_a_crowd_lives(
     assert "2 and 4 cells of 0.5 m" in text
     assert "effort 0 at 1.2 m/s and 0.21 at 2.2 m/s" in text
     assert "6 simulated lives" in text
+    assert "of an epoch 0.2, up to 0.3 more beside walls; 0.19 less for a stop" in text
 
 
 @pytest.mark.parametrize(
