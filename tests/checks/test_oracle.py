@@ -87,6 +87,18 @@ def test_walls_are_crossed_where_rays_hit_them(is_cloud: bool) -> None:
     assert np.mean(missed) < 0.05
 
 
+def test_ways_from_many_starts_are_crossed_as_each_alone() -> None:
+    """To the bit, so that beams of many scans may be looked at side by side."""
+    generator = np.random.default_rng(8)
+    centres = 0.2 * np.argwhere(generator.random((12, 9, 4)) < 0.1).astype(np.float64)
+    walls = Walls.of_cloud(centres, 0.2)
+    assert walls is not None
+    starts, ends = generator.uniform(0.0, 1.0, (2, 200, 3)) * (2.4, 1.8, 0.8)
+    alone = [walls.crossed(start, end[None])[0] for start, end in zip(starts, ends, strict=True)]
+    assert 20 < np.isfinite(alone).all(axis=1).sum() < 180
+    assert np.array_equal(walls.crossed(starts, ends), alone, equal_nan=True)
+
+
 def test_no_check_imports_what_it_checks() -> None:
     """The modules of the checks import nothing of builder, artefacts or kernels."""
     checks = Path(are_ros.checks.__file__).parent

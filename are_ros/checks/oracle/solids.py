@@ -183,19 +183,21 @@ class Walls:
             return None
         return cls(first, 0.0, np.full(3, size_m), np.rint(places).astype(np.int64))
 
-    def crossed(self, start_m: Floats, ends_m: Floats) -> Floats:
-        """Return where ways from a start (3,) to ends (M, 3) are in a cuboid first, (M, 3), or nan.
+    def crossed(self, starts_m: Floats, ends_m: Floats) -> Floats:
+        """Return where ways to ends (M, 3) are in a cuboid first, (M, 3), or nan.
+
+        They come from starts (M, 3), or from one for all (3,).
 
         That of the start does not count, nor does the outermost millimetre of any, nor a corner
         that is cut by less than an eighth of an edge.
         """
-        lengths_m = np.linalg.norm(ends_m - start_m, axis=1)
-        ways = (ends_m - start_m) / lengths_m[:, None]
-        starts_m = np.broadcast_to(start_m, ends_m.shape)
+        starts_m = np.broadcast_to(starts_m, ends_m.shape)
+        lengths_m = np.linalg.norm(ends_m - starts_m, axis=1)
+        ways = (ends_m - starts_m) / lengths_m[:, None]
         chord_m = float(self.size_m[:2].min()) / _SAMPLES
         far_m = self.first_solid(starts_m, ways, lengths_m, _MARGIN_M, chord_m)
         known_m = np.where(np.isfinite(far_m), far_m, np.nan)  # infinity times 0 would warn
-        found: Floats = start_m + known_m[:, None] * ways
+        found: Floats = starts_m + known_m[:, None] * ways
         return found
 
     def first_solid(

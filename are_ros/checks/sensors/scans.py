@@ -241,6 +241,7 @@ _FEW: Final = 2e-5
 """At most this share of the pixels may be rounded otherwise, or lie otherwise at an edge."""
 _EXACT_SLACK_M: Final = 0.02
 _HELD_SLACK_M: Final = 0.10
+_BEAMS_AT_ONCE: Final = 20_000
 
 
 def check_scans(record: Record) -> list[CheckResult]:
@@ -262,6 +263,7 @@ def check_scans(record: Record) -> list[CheckResult]:
         beams.look()
         beams.fail(f"{topic} {at_s(stamp_ns)} has no scan of this stamp that came in")
     places, surface = BoxPositions(record), KnownWalls(record)
+    passed_by = _WallsPassed(walls)
     for scan in record.scans.changed:
         if scan.changes.fault:
             beams.fail(f"{scan.topic} {at_s(scan.stamp_ns)} {scan.changes.fault}")
@@ -269,7 +271,8 @@ def check_scans(record: Record) -> list[CheckResult]:
             _check_ends(ends, record, places, scan)
             known = None if surface.doubt else surface.at(scan.released_ns)
             if known is not None:
-                _check_walls(walls, known, record, scan)
+                passed_by.take(known, record, scan)
+    passed_by.judge()
     if not record.scans.changed:
         ends.note("no scan was changed")
     if surface.doubt:
@@ -405,20 +408,51 @@ def seen_ns(record: Record, scan: Released) -> int:
     return min(scan.stamp_ns, _sub_step_after(record, scan.released_ns))
 
 
-def _check_walls(tally: Tally, walls: Walls, record: Record, scan: ChangedScan) -> None:
-    """No beam that had no return ends behind what was occupied."""
-    changes = scan.changes
-    which = np.flatnonzero(changes.unreturned & ~changes.too_close)
-    frames, stamp_ns = record.frames, scan.stamp_ns
-    pose = frames.lookup(record.settings.frames.map, scan.frame_id, stamp_ns, scan.released_ns)
-    if pose is None or not len(which):
-        return
-    tally.look(len(which))
-    ends = changes.points_m[which, 0] @ pose.rotation.T + pose.translation_m
-    crossed = walls.crossed(pose.translation_m, ends)
-    for i in np.flatnonzero(np.isfinite(crossed[:, 0])).tolist():
-        where = f"ends at {_place(ends[i])}, behind what is occupied at {_place(crossed[i])}"
-        tally.fail(f"{scan.topic} {at_s(stamp_ns)} a beam without a return of its own {where}")
+class _WallsPassed:
+    """No beam that had no return ends behind what was occupied.
+
+    The beams of many scans are judged at once: the way through the cells takes as long for one.
+    """
+
+    def __init__(self, tally: Tally) -> None:
+        self._tally = tally
+        self._walls: Walls | None = None
+        self._scans: list[tuple[ChangedScan, Floats, Floats]] = []
+        self._beams = 0
+
+    def take(self, walls: Walls, record: Record, scan: ChangedScan) -> None:
+        """Keep the beams of a scan, to be judged by these walls."""
+        changes = scan.changes
+        which = np.flatnonzero(changes.unreturned & ~changes.too_close)
+        frames, stamp_ns = record.frames, scan.stamp_ns
+        pose = frames.lookup(record.settings.frames.map, scan.frame_id, stamp_ns, scan.released_ns)
+        if pose is None or not len(which):
+            return
+        if walls is not self._walls or self._beams >= _BEAMS_AT_ONCE:
+            self.judge()
+        ends_m = changes.points_m[which, 0] @ pose.rotation.T + pose.translation_m
+        starts_m = np.broadcast_to(pose.translation_m, ends_m.shape)
+        self._walls = walls
+        self._scans.append((scan, starts_m, ends_m))
+        self._beams += len(which)
+
+    def judge(self) -> None:
+        """Judge all beams that were kept, scan by scan."""
+        scans, self._scans = self._scans, []
+        if self._walls is None or not scans:
+            return
+        self._tally.look(self._beams)
+        self._beams = 0
+        starts_m, ends_m = (np.concatenate([one[k] for one in scans]) for k in (1, 2))
+        crossed_m = self._walls.crossed(starts_m, ends_m)
+        splits = np.cumsum([len(one[2]) for one in scans])[:-1]
+        for (scan, _, ends), crossed in zip(scans, np.split(crossed_m, splits), strict=True):
+            for i in np.flatnonzero(np.isfinite(crossed[:, 0])).tolist():
+                where = (
+                    f"ends at {_place(ends[i])}, behind what is occupied at {_place(crossed[i])}"
+                )
+                beam = f"{scan.topic} {at_s(scan.stamp_ns)} a beam without a return of its own"
+                self._tally.fail(f"{beam} {where}")
 
 
 class KnownWalls:
