@@ -152,6 +152,9 @@ def _columns(path: Path, lines: Iterator[Line]) -> tuple[dict[str, int], Iterato
     if len(names) > 1:
         message = f"{path}, line {line}: {len(names)} columns, but no header names '{_ROW}'"
         raise InputError(message)
+    if line and _number(names[0]) is None:
+        reason = f"is not a number, nor a header that is '{_ROW}' or '{_LABEL}'"
+        raise InputError(f"{path}, line {line}: row {cells[0].strip()!r} {reason}")
     return {_ROW: 0}, chain(((line, cells),), lines) if line else lines
 
 

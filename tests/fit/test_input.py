@@ -84,6 +84,7 @@ def test_an_empty_file_has_no_rows_or_is_refused(tmp_path: Path, name: str) -> N
         ("time,place\n1,2\n", ["line 1", "no column is named 'row' or 'label'"]),
         ("label\nperson\n", ["line 2", "known to a catalogue only (--catalogue)"]),
         ("rows\n1\n", ["line 1", "row 'rows' is not a number"]),
+        ("arrival_s\n1.5\n", ["line 1", "'arrival_s'", "nor a header that is 'row' or 'label'"]),
     ],
 )
 def test_a_bad_table_is_refused(tmp_path: Path, text: str, words: list[str]) -> None:
