@@ -9,6 +9,7 @@ has been returned for an instant never changes.
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -29,15 +30,17 @@ from are_ros.builder.scene import Scene
 from are_ros.builder.spawning.spawner import OutOfView, Spawning
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.errors import BehaviourError, PlacementError, ScenarioError
-from are_ros.parameters.choices import Leave
+from are_ros.parameters.choices import Initial, Leave
 from are_ros.parameters.model import Parameters
 from are_ros.population.arrivals import RandomSource
 from are_ros.population.artefact import Artefact, GroundPose, Origin, boxes_of, on_ground
+from are_ros.population.birth_death import BirthDeath
 from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.population.departures import Cause, departure_law
 from are_ros.population.mixture import TruncatedPoissonMixture, mixture_of
 from are_ros.population.population import EventKind as PopulationEventKind
 from are_ros.population.population import Population, PopulationEvent
+from are_ros.population.randomness import Purpose, generator
 from are_ros.population.scenario import Scenario, ScriptedOffer, ScriptedSource
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.cameras import CameraAt
@@ -120,6 +123,8 @@ class PopulationManager:
         self._environment: Environment | None = None
         self._scene = Scene.of((), 0)
         self._scene_ns = 0
+        self._beginnings = 0
+        self._is_beginning = True
         self.crowd.decisions.by_exit = parameters.population.leave is Leave.BY_EXIT
         self.crowd.decisions.hides = self._hides
 
@@ -216,6 +221,7 @@ class PopulationManager:
     def _go_on(self, now_ns: int) -> None:
         """Go on after a jump: the robot, its plan and the past of the crowd are forgotten."""
         self.crowd.forget()
+        self._is_beginning = True
         self._robot = self.goal = None
         self._viewpoints = ()
         self.plan_m = np.empty((0, 2))
@@ -332,10 +338,31 @@ class PopulationManager:
         return self._spawning.why_not(box, environment, others, robot, 0.0) or pose
 
     def _find_place(
-        self, row: CatalogueRow, generator: np.random.Generator, near: tuple[float, float] | None
+        self,
+        row: CatalogueRow,
+        random: np.random.Generator,
+        near: tuple[float, float] | None,
+        *,
+        appears: bool = True,
     ) -> GroundPose | Cause:
         boxes, is_clear = self.crowd.table.taken, self.crowd.planner.is_clear
-        return self._spawning.place(row, generator, boxes, self._robot, near, is_clear)
+        spawning, robot = self._spawning, self._robot
+        return spawning.place(row, random, boxes, robot, near, is_clear, appears=appears)
+
+    def _begin(self, now_ns: int) -> None:
+        """Have as many artefacts there as population.initial says."""
+        settings, rows = self._parameters.population, self._catalogue.rows
+        self._is_beginning = False
+        if settings.initial is Initial.EMPTY or not self.population.scripted.scenario.random:
+            return
+        shares = mixture_of(self._parameters, self._catalogue).probabilities()
+        leaving = float(shares[[not row.forever for row in rows]].sum())
+        chain = BirthDeath.of(settings, self._spawning.area_m2, leaving)
+        count = chain.drawn(generator(self._parameters.seed, Purpose.INITIAL, self._beginnings))
+        self._beginnings += 1
+        place = partial(self._find_place, appears=False)
+        for event in self.population.populate(count, now_ns, place):
+            self._apply(event)
 
     def _sub_step(self, step_ns: int) -> None:
         """Read the inputs (environment, robot, goal, cameras), and run a sub-step of the crowd."""
@@ -350,8 +377,11 @@ class PopulationManager:
         spawning = self._spawning
         if spawning.needs_viewpoints:
             self._viewpoints = self.viewpoints(step_ns) or self._viewpoints
+        is_ready = spawning.area_m2 > 0.0 and self._robot is not None and not self.is_paused
         if spawning.refresh(self._environment, self._robot, self._viewpoints):
             self._set_rates(step_ns)
+        if self._is_beginning and is_ready:  # not in the first step: the scenario comes before
+            self._begin(step_ns)
         self.population.scripted.open(step_ns)
         goes_on = bool(self.population.living) and not (self.is_paused or self._steps.is_idle)
         if goes_on:

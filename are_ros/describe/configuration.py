@@ -6,13 +6,13 @@ from typing import Final
 
 import numpy as np
 
-from are_ros.describe.birth_death import BirthDeath
 from are_ros.describe.site import Site, site_rows
 from are_ros.parameters.choices import (
     Appear,
     CameraModel,
     CostmapGate,
     Departures,
+    Initial,
     Leave,
     SensorGate,
 )
@@ -23,6 +23,7 @@ from are_ros.parameters.model import (
     Parameters,
     PopulationParameters,
 )
+from are_ros.population.birth_death import BirthDeath
 from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.population.mixture import Numbers, TruncatedPoissonMixture, mixture_of
 from are_ros.wording import aligned, counted, percent, section, time_unit
@@ -154,7 +155,7 @@ def population_lines(
         ("law", _law_text(chain)),
         ("", _exactness_text(chain)),
         ("bound", _bound_text(chain)),
-        *_memory_rows(chain),
+        *_memory_rows(chain, settings.initial),
         *_forever_rows(chain, probabilities, catalogue, site),
     ]
     lines = section(f"Population {where}", aligned(rows))
@@ -265,12 +266,14 @@ def _bound_text(chain: BirthDeath) -> str:
     return f"{text}; it blocks hardly anyone" if chain.members_per_s > 0.0 else text
 
 
-def _memory_rows(chain: BirthDeath) -> list[tuple[str, str]]:
+def _memory_rows(chain: BirthDeath, initial: Initial) -> list[tuple[str, str]]:
     """Return for how long the number alive remembers, nothing where it never changes."""
     if chain.members_per_s <= 0.0 or chain.max_alive == 0:
         return []
     forgets, settled = _duration(chain.correlation_s), _duration(chain.settles_s)
     text = f"forgotten in about {forgets} (correlation time)"
+    if initial is Initial.STATIONARY:
+        return [("memory", f"{text}; a run begins with as many (population.initial)")]
     return [("memory", f"{text}; a run begins empty: fewer in its first {settled}")]
 
 

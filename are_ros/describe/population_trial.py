@@ -11,13 +11,13 @@ import numpy.typing as npt
 
 from are_ros.builder.spawning.placement import PlacementConstraints, Placer
 from are_ros.conventions import NS_PER_S
-from are_ros.describe.birth_death import BirthDeath
 from are_ros.describe.configuration import staying_share
 from are_ros.describe.site import Site
 from are_ros.errors import ParameterError
 from are_ros.parameters.model import Parameters
 from are_ros.population.arrivals import RandomSource
 from are_ros.population.artefact import GroundPose, boxes_of
+from are_ros.population.birth_death import BirthDeath
 from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.population.departures import Cause, departure_law
 from are_ros.population.mixture import mixture_of

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.describe.birth_death import BirthDeath
 from are_ros.describe.population_trial import Trial
 from are_ros.describe.site import Site, Survey
 from are_ros.draw.map import Window, known_part, map_image, window_of
@@ -28,6 +27,7 @@ from are_ros.draw.palette import (
 )
 from are_ros.parameters.choices import Departures
 from are_ros.parameters.model import Parameters, PopulationParameters
+from are_ros.population.birth_death import BirthDeath
 from are_ros.population.catalogue import Catalogue
 from are_ros.population.mixture import mixture_of
 from are_ros.wording import counted, time_unit

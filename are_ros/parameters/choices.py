@@ -18,6 +18,13 @@ class Region(Enum):
     ZONES = "zones"
 
 
+class Initial(Enum):
+    """How many artefacts are there when the region becomes known."""
+
+    EMPTY = "empty"
+    STATIONARY = "stationary"
+
+
 class Appear(Enum):
     """Where in the region an artefact appears."""
 

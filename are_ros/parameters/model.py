@@ -13,6 +13,7 @@ from are_ros.parameters.choices import (
     CostmapGate,
     Departures,
     GroundKind,
+    Initial,
     Labels,
     Leave,
     Light,
@@ -55,6 +56,11 @@ class PopulationParameters:
         Departures.INDEPENDENT,
         "independent: each life is exponential, death rate i*mu. "
         "constant_rate: the paper's transition matrix, death rate mu.",
+    )
+    initial: Initial = parameter(
+        Initial.EMPTY,
+        "How many are there at the beginning, and after a jump of the clock: nobody, or as many as "
+        "after a long time, anywhere in the region.",
     )
     max_alive: int = parameter(
         200,

@@ -19,7 +19,7 @@ import numpy as np
 
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import InputError, PlacementError
-from are_ros.population.arrivals import RandomSource, RowLaw, checked_rate
+from are_ros.population.arrivals import Offer, RandomSource, RowLaw, checked_rate
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.departures import (
@@ -221,7 +221,15 @@ class Population:
             return [self._end(departure)]
         if next_ns is not None and self.scripted.next_ns() == next_ns:
             return [self._arrive_by_script(admit)]
-        return self._arrive(place)
+        return self._arrive(self._source.take(), place)
+
+    def populate(self, count: int, now_ns: int, place: Place) -> list[PopulationEvent]:
+        """Have so many artefacts arrive at `now_ns`, beside the process, of rows that leave.
+
+        What is left of their lives has the law of whole lives, which have no memory.
+        """
+        offers = (self._source.take_beside(now_ns) for _ in range(count))
+        return [event for offer in offers for event in self._arrive(offer, place)]
 
     def remove(self, artefact_id: int, now_ns: int, cause: Cause) -> PopulationEvent:
         """Remove an artefact at `now_ns`; `InputError` if the id is unknown.
@@ -328,8 +336,7 @@ class Population:
             offer,
         )
 
-    def _arrive(self, place: Place) -> list[PopulationEvent]:
-        offer = self._source.take()
+    def _arrive(self, offer: Offer, place: Place) -> list[PopulationEvent]:
         events: list[PopulationEvent] = []
         near: tuple[float, float] | None = None
         for artefact_id, row in offer.members:

@@ -29,6 +29,7 @@ class Purpose(IntEnum):
     APPEARANCE = 15
     INTENT = 16
     IMAGE_NOISE = 17
+    INITIAL = 18
 
 
 def generator(seed: int, purpose: Purpose, artefact_id: int) -> np.random.Generator:

@@ -12,8 +12,9 @@ from are_ros.builder.population_manager import population_of
 from are_ros.errors import FrameError, ParameterError, PlacementError, ScenarioError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.population.artefact import GroundPose, boxes_of
+from are_ros.population.artefact import Artefact, GroundPose, boxes_of
 from are_ros.population.population import Counts
+from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.footprint import signed_distance_m
 from tests.world.overlapping import overlapping_pairs
 
@@ -123,6 +124,58 @@ def test_arrivals_begin_when_map_and_robot_are_known(make_scene: Make) -> None:
     assert counts.arrived + counts.blocked > 5
     assert min(event.stamp_ns for event in events) >= scene.ns(5.0)
     assert scene.builder.lives.area_m2 == pytest.approx(38 * 38 * 0.01, abs=0.5)
+
+
+def _boxes_at_arrival(artefacts: list[Artefact]) -> OrientedBoxes:
+    poses = [one.ground_pose_at(one.arrival_ns) for one in artefacts]
+    return boxes_of([one.row for one in artefacts], poses)
+
+
+FULL = BUSY | {"population.initial": "stationary", "population.mean_life": 10.0}
+
+
+def test_a_run_may_begin_with_as_many_as_after_a_long_time(make_scene: Make) -> None:
+    """All at one instant, when map and robot are known; again after a jump of the clock."""
+    scene = make_scene(FULL)
+    scene.map(5.0)
+    scene.builder.advance(scene.ns(5.0))
+    assert not scene.builder.lives.take_events()
+    scene.robot(5.0, 1.0, 2.0)
+    scene.builder.advance(scene.ns(5.2))
+    living = [*scene.builder.lives.population.living.values()]
+    first = [one for one in living if one.arrival_ns == min(o.arrival_ns for o in living)]
+    assert len(first) > 3
+    assert len(overlapping_pairs(_boxes_at_arrival(first))) == 0
+    assert all(not one.row.forever for one in first)
+    before = {one.id for one in living}
+    scene.robot(1.0, 1.0, 2.0)
+    scene.builder.advance(scene.ns(1.2))
+    anew = scene.builder.lives.population.living
+    assert len(anew) > 3
+    assert not before & set(anew)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"population.initial": "empty"},
+        {"population.arrival_rate": 0.0},
+        {"population.max_alive": 0},
+        {"population.scenario": "NOBODY"},
+    ],
+)
+def test_a_run_begins_empty_otherwise(
+    make_scene: Make, tmp_path: Path, change: dict[str, Any]
+) -> None:
+    """By default, and where nobody comes at random."""
+    path = tmp_path / "nobody.yaml"
+    path.write_text("{scenario: {random: false}, artefacts: []}", encoding="utf-8")
+    given = {key: str(path) if value == "NOBODY" else value for key, value in change.items()}
+    scene = make_scene(FULL | given)
+    scene.map(0.0)
+    scene.robot(0.0, 1.0, 2.0)
+    scene.builder.advance(scene.ns(0.1))
+    assert not scene.builder.lives.population.living
 
 
 @pytest.mark.parametrize("group_size", [1.0, 4.0])

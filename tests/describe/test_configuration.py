@@ -199,6 +199,7 @@ def test_how_long_a_run_takes_to_fill_is_said() -> None:
     """Three mean lives, as runs begin empty and `alive` is of those that have gone on for long."""
     assert "a run begins empty: fewer in its first 6 min" in _text(100.0, population__mean_life=120)
     assert "a run begins empty" not in _text(100.0, population__arrival_rate=0.0)
+    assert "a run begins with as many" in _text(100.0, population__initial="stationary")
 
 
 def test_nothing_is_wider_than_a_page() -> None:

@@ -8,7 +8,6 @@ import pytest
 from scipy import stats
 
 from are_ros.describe import population_trial
-from are_ros.describe.birth_death import BirthDeath
 from are_ros.describe.population_trial import (
     AT_BOUND,
     ENDLESS,
@@ -21,6 +20,7 @@ from are_ros.describe.site import Site, surveyed
 from are_ros.errors import ParameterError
 from are_ros.parameters.choices import Departures
 from are_ros.parameters.model import Parameters
+from are_ros.population.birth_death import BirthDeath
 from are_ros.population.catalogue import Catalogue
 from are_ros.world.occupancy_grid import OccupancyGrid
 

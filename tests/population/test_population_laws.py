@@ -7,7 +7,7 @@ that change, the integrated rates between events are unit exponentials: the time
 import heapq
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Departures
 from are_ros.population.arrivals import RandomSource
 from are_ros.population.artefact import Artefact, GroundPose
+from are_ros.population.birth_death import BirthDeath
 from are_ros.population.catalogue import CatalogueRow, MeshFile
 from are_ros.population.departures import Cause, departure_law
 from are_ros.population.mixture import TruncatedPoissonMixture
@@ -322,6 +323,45 @@ def test_a_very_long_run_spends_its_time_by_the_stationary_law(
 ) -> None:
     """The same in 250 batches, six times as long."""
     _long_run(case, 250)
+
+
+@pytest.mark.parametrize("case", CHAINS)
+def test_a_run_that_begins_by_the_stationary_law_keeps_it(
+    case: tuple[float, float, float, Departures, int, float],
+) -> None:
+    """N at the beginning, and 1.3 s later, in 250 runs: lives that are under way have no memory."""
+    groups_per_s, group, life_s, kind, bound, _ = case
+    chain = BirthDeath(groups_per_s, group, life_s, kind, bound)
+    law = _batch_laws(groups_per_s, group, life_s, kind, bound)
+    first, later = list[int](), list[int]()
+    for seed in range(250):
+        population = _population(seed, kind, group=group, max_alive=bound)
+        population.set_rates(groups_per_s / 50.0, 50.0, life_s, EPOCH_NS)
+        count = chain.drawn(np.random.default_rng(seed))
+        events = population.populate(count, EPOCH_NS, lambda *_: SPOT)
+        assert len(events) == len(population.living) == count
+        first.append(count)
+        _advance(population, _History(), 1.3)
+        later.append(len(population.living))
+    assert _chi_square(first, law) > LEVEL
+    assert _chi_square(later, law) > LEVEL
+
+
+def test_who_is_there_at_the_beginning_leaves_some_time() -> None:
+    """Rows that live for ever are left out, the others come by their shares; ids go on."""
+    rows = tuple(replace(row, forever=row.index == 1) for row in ROWS)
+    population = Population(
+        3, RandomSource(3, rows, MIXTURE, 1.0), departure_law(INDEPENDENT, 3, 1.0), max_alive=3000
+    )
+    population.start(EPOCH_NS)
+    events = population.populate(2000, EPOCH_NS, lambda *_: SPOT)
+    assert [event.artefact_id for event in events] == [*range(1, 2001)]
+    assert {(event.kind, event.time_ns) for event in events} == {(EventKind.ARRIVED, EPOCH_NS)}
+    shares = MIXTURE.probabilities() * [not row.forever for row in rows]
+    counts = np.bincount([event.row.index for event in events], minlength=len(rows))
+    assert counts[1] == 0
+    expected = 2000 * np.delete(shares, 1) / shares.sum()
+    assert stats.chisquare(np.delete(counts, 1), expected).pvalue > LEVEL
 
 
 def test_lives_of_one_group_are_independent() -> None:

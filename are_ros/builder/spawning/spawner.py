@@ -193,12 +193,15 @@ class Spawning:
         robot: RobotPose | None,
         near: tuple[float, float] | None,
         preferred: Allowed | None = None,
+        *,
+        appears: bool = True,
     ) -> GroundPose | Cause:
         """Draw a pose for an artefact, near the first of its group; the cause where none is free.
 
-        Poses whose boxes `preferred` refuses are used only if there are no others.
+        Poses whose boxes `preferred` refuses are used only if there are no others. One that does
+        not appear, as it has been there for long, is anywhere in the region.
         """
-        placer = self._placer_to_use()
+        placer = self._placer_to_use() if appears else self._placer
         if placer is None:
             return Cause.NO_PLACE
         shapes = ([robot.footprint] if robot else []) + ([self.goal] if self.goal else [])
@@ -215,7 +218,7 @@ class Spawning:
             return passed
 
         tests = dict[str, Allowed]()
-        if self._population.appear is Appear.OUT_OF_VIEW:
+        if appears and self._population.appear is Appear.OUT_OF_VIEW:
             tests["hidden"] = self.out_of_view.hides
         if preferred is not None:
             tests["preferred"] = preferred

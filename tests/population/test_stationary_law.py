@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scipy import stats
 from scipy.linalg import expm
 
-from are_ros.describe.birth_death import BirthDeath
 from are_ros.parameters.choices import Departures
+from are_ros.population.birth_death import BirthDeath
 
 INDEPENDENT, CONSTANT = Departures.INDEPENDENT, Departures.CONSTANT_RATE
 

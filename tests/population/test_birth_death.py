@@ -10,9 +10,9 @@ from scipy import stats
 from scipy.integrate import trapezoid
 from scipy.linalg import expm
 
-from are_ros.describe.birth_death import BirthDeath, group_tail
 from are_ros.parameters.choices import Departures
 from are_ros.parameters.model import Parameters
+from are_ros.population.birth_death import BirthDeath, group_tail
 
 INDEPENDENT, CONSTANT = Departures.INDEPENDENT, Departures.CONSTANT_RATE
 

@@ -140,6 +140,11 @@ class BirthDeath:
         law: Numbers = weights / weights.sum()
         return law
 
+    def drawn(self, random: np.random.Generator) -> int:
+        """Draw N by its stationary law, with one uniform number."""
+        below = np.cumsum(self.law)
+        return int(np.searchsorted(below, random.random() * below[-1], side="right"))
+
     @property
     def mean(self) -> float:
         """The stationary mean of N."""
