@@ -26,8 +26,9 @@ class DepthTiles(NamedTuple):
     """The rays of a view in T tiles, for the kernels.
 
     `rays` float64 (T, 3, PIXELS) go to 1 m of depth. `rows` and `columns` int64 (T, PIXELS) are
-    those of their pixels, and `valid` bool (T, PIXELS) tells which have a ray. `axes` float32
-    (T, 3) and `spreads` float32 (T,) are as in `rays.Tiles`.
+    those of their pixels, and `valid` bool (T, PIXELS) tells which have such a ray: a pixel of a
+    fisheye that looks aside or back has none. `axes` float32 (T, 3) and `spreads` float32 (T,) are
+    as in `rays.Tiles`, of all pixels that look anywhere.
     """
 
     rays: _Floats
@@ -78,8 +79,7 @@ class Lens:
         rays = self.view.rays_to_depth()
         is_valid = ~np.isnan(rays[:, :, 0])
         rays[~is_valid] = 0.0
-        units = rays / np.maximum(np.linalg.norm(rays, axis=2, keepdims=True), 1e-12)
-        cones = tiled(units.astype(np.float32))
+        cones = tiled(self.view.directions())
         down, right = np.divmod(np.arange(PIXELS), TILE)
         rows = cones.first_pixels[:, 1:] + down
         columns = cones.first_pixels[:, :1] + right
@@ -105,13 +105,13 @@ class Lens:
         return lengths
 
     def in_tiles(self, which: _Indices) -> npt.NDArray[np.bool_]:
-        """Return which pixels (H, W) with a ray are in some tiles (K,)."""
+        """Return which pixels (H, W) that look anywhere are in some tiles (K,)."""
         rows, columns = self.tiles.rows[which, 0] // TILE, self.tiles.columns[which, 0] // TILE
         height, width = self.view.height, self.view.width
         chosen = np.zeros((-(-height // TILE), -(-width // TILE)), dtype=np.bool_)
         chosen[rows, columns] = True
         pixels = chosen.repeat(TILE, axis=0).repeat(TILE, axis=1)[:height, :width]
-        are_in: npt.NDArray[np.bool_] = pixels & ~np.isnan(self.lengths)
+        are_in: npt.NDArray[np.bool_] = pixels & self.view.directions().any(axis=2)
         return are_in
 
     def tiles_towards(self, map_from_camera: RigidTransform, boxes: OrientedBoxes) -> _Indices:

@@ -12,6 +12,7 @@ import PIL.Image
 import pytest
 
 from are_ros.builder.occlusion.meshes import MeshSelection
+from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.scene import Scene
 from are_ros.builder.sensors.colour_image import (
     ColourImage,
@@ -29,6 +30,7 @@ from are_ros.parameters.model import Parameters, RenderingParameters
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.world.cameras import FORWARD_FROM_OPTICAL, CameraInfo
 from are_ros.world.rigid_transform import RigidTransform
+from are_ros.world.voxel_map import VoxelMap
 
 Pixels = npt.NDArray[np.uint8]
 WIDTH, HEIGHT = 64, 48
@@ -209,6 +211,28 @@ def test_where_nothing_is_visible_the_pixels_are_the_same_object(obstacles: Obst
     assert hidden.pixels is raw
     assert hidden.truth is not None
     assert not hidden.truth.ids.any()
+
+
+FISHEYE = replace(INFO, distortion_model="equidistant", k=(12.0, *K[1:4], 12.0, *K[5:]))
+
+
+@pytest.mark.parametrize("aside_rad", [0.5, 1.6, 2.0, 2.2])
+@pytest.mark.parametrize("wall_x_m", [1.2, 3.0])
+def test_a_fisheye_paints_what_walls_leave_beyond_90_degrees(
+    obstacles: Obstacles, aside_rad: float, wall_x_m: float
+) -> None:
+    """So far from the axis no depth is known, but a wall before the post hides it all the same."""
+    at = RigidTransform.from_xyz_ypr(wall_x_m, -4.0, -1.0, 0.0, 0.0, 0.0)
+    wall = VoxelField.of(VoxelMap(at, (0.1, 0.1, 0.1), np.ones((1, 80, 60), np.uint8)))
+    camera = RigidTransform.from_xyz_ypr(0.0, 0.0, 1.0, aside_rad, 0.0, 0.0)
+    lens = Lens("eye", FISHEYE, FISHEYE.view(rectified=False))
+    raw = RawColour(grey("rgb8"))
+    done = ColourImage(raw, lens).augmented(
+        camera @ FORWARD_FROM_OPTICAL, replace(obstacles, surface=wall)
+    )
+    assert done.truth is not None
+    assert done.truth.ids.any() == (wall_x_m > 2.0)
+    assert (done.pixels is raw) == (wall_x_m < 2.0)
 
 
 def depths(millimetres: int) -> Pixels:
