@@ -701,7 +701,8 @@ def inspection_lines(inspection: Inspection, map_file: Path | None = None) -> li
 
 def _said_of_roles(inspection: Inspection) -> Iterable[str]:
     """Return the notices on the roles, and which readings are left as they are."""
-    yield from inspection.roles.sentences(silent=BY_NAME - inspection.sensors.keys())
+    unnamed = {role for role in BY_NAME if not inspection.sensors.get(role)}
+    yield from inspection.roles.sentences(silent=unnamed)
     yield from inspection.misfits
     topics = [entry.topic for entry in inspection.topics]
     yield from left_as_they_are(topics, inspection.roles, inspection.sensors)

@@ -501,7 +501,7 @@ def test_scans_that_stay_as_they_are_are_told(
     assert not any("left as they are" in line for line in both)
 
 
-@pytest.mark.parametrize("names", [["/range"], ["/sonar", "/range"]])
+@pytest.mark.parametrize("names", [["/range"], ["/sonar"], ["/sonar", "/range"]])
 def test_range_sensors_are_augmented_by_name_only(
     complete: Path, tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag, names: list[str]
 ) -> None:
@@ -514,16 +514,19 @@ def test_range_sensors_are_augmented_by_name_only(
     path = write_bag(
         tmp_path / "more.mcap", [*records, *((name, 2 * S, reading) for name in names)]
     )
-    found = inspected(path, map_frame="earth")
+    unnamed = inspected(path, map_frame="earth")
+    found = inspected(path, map_frame="earth", sensors={"range": ()})  # as of sensors.ranges: []
     assert found.missing == ()
     found_lines = inspection_lines(found)
+    assert found_lines == inspection_lines(unnamed)
     assert ["range", "-"] in [line.split() for line in found_lines]
     (said,) = [line for line in found_lines if "left as they are" in line]
     options = " ".join(f"--topic range:={name}" for name in sorted(names))
     assert said.endswith(f"; to augment all, give {options}")
     assert not any(line.startswith("range:") for line in found_lines)
-    chosen = inspected(path, overrides={"range": "/range"}, sensors={"range": ("/range",)})
-    assert ["range", "/range"] in [line.split() for line in inspection_lines(chosen)]
+    name = names[-1]
+    chosen = inspected(path, overrides={"range": name}, sensors={"range": (name,)})
+    assert ["range", name] in [line.split() for line in inspection_lines(chosen)]
 
 
 @pytest.mark.parametrize(("frame", "is_sensor"), [("map", False), ("odom", False), ("laser", True)])
