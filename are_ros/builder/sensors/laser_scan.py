@@ -23,7 +23,7 @@ class LaserScan:
     """N ranges in the x-y plane of the laser's frame, at angles counted from x towards y [rad].
 
     Beam i looks along angle_min + i * angle_increment (the increment may be negative). `ranges` is
-    float32 (N,) [m]: -inf too close, +inf or NaN or beyond range_max no return. `intensities` is
+    float32 (N,) [m]: -inf too close, +inf, NaN, 0 or beyond range_max no return. `intensities` is
     float32, (N,) or empty. Both become read-only. Times: `stamp_ns` of the first beam [ns],
     `time_increment_s` between beams, `scan_time_s` between scans. Numbers from outside
     must pass `checked`.
@@ -88,9 +88,10 @@ class LaserScan:
     def returns(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
         """Return where beams ended, float64 (M, 3) in the laser's frame [m], and which, bool (N,).
 
-        Those within [range_min, range_max], but for its last half per cent.
+        Those within [range_min, range_max], but for its last half per cent, and above 0.
         """
-        returned = np.isfinite(self.ranges) & (self.ranges >= self.range_min_m)
+        returned = np.isfinite(self.ranges) & (self.ranges > 0.0)
+        returned &= self.ranges >= self.range_min_m
         returned &= self.ranges < self.range_max_m * _RETURN_SHARE
         lengths_m = self.ranges[returned].astype(np.float64)[:, np.newaxis]
         return self.directions()[returned] * lengths_m, returned
@@ -103,8 +104,9 @@ class LaserScan:
 
         - within [range_min, range_max] it replaces a farther real return, whatever walls the
           environment has: the return proves that the beam is free up to there;
-        - it replaces +inf, NaN, a range above range_max or below range_min (many drivers write 0.0
-          where nothing came back) where the environment's surface is not in front of it;
+        - it replaces +inf, NaN, 0 (many drivers write it where nothing came back, whatever their
+          range_min), a range above range_max or below range_min where the environment's surface is
+          not in front of it;
         - nearer than range_min it becomes -inf (REP 117: too close), unless the return is nearer;
         - beyond range_max, or not nearer than a valid return, it changes nothing, and -inf stays.
 
@@ -176,7 +178,7 @@ def _merged(
     real = scan.ranges
     nearest = np.float32(scan.range_min_m)
     farthest = np.float32(min(scan.range_max_m, float(np.finfo(np.float32).max)))
-    returned = (real >= nearest) & (real <= farthest)
+    returned = (real > 0.0) & (real >= nearest) & (real <= farthest)
     too_close = np.isneginf(real)
     nearer = np.where(returned, hits < real, hits <= farthest)
     replaced = nearer & ~too_close

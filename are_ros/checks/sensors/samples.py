@@ -236,7 +236,7 @@ def _range_fault(
     """Return a fault unless the changed ranges are shorter, and valid or too close; else ""."""
     before, after = real[which], output[which]
     returned = _are_returns(before, limits_m)
-    valid = np.isneginf(after) | _are_returns(after, limits_m)
+    valid = np.isneginf(after) | _are_measured(after, limits_m)
     wrong = ~valid | (returned & ~(after < before)) | np.isneginf(before)
     if not wrong.any():
         return ""
@@ -245,10 +245,16 @@ def _range_fault(
 
 
 def _are_returns(ranges: NDArray[np.float32], limits_m: tuple[float, float]) -> NDArray[np.bool_]:
-    """Tell which ranges are returns that the sensor measures."""
-    low, high = np.float32(limits_m[0]), np.float32(limits_m[1])
-    returned: NDArray[np.bool_] = (ranges >= low) & (ranges <= high)
+    """Tell which ranges are returns: those that the sensor measures, but for 0."""
+    returned: NDArray[np.bool_] = _are_measured(ranges, limits_m) & (ranges > 0.0)
     return returned
+
+
+def _are_measured(ranges: NDArray[np.float32], limits_m: tuple[float, float]) -> NDArray[np.bool_]:
+    """Tell which ranges are finite and within the limits, of which the farther may be infinite."""
+    low, high = np.float32(limits_m[0]), np.float32(limits_m[1])
+    measured: NDArray[np.bool_] = np.isfinite(ranges) & (ranges >= low) & (ranges <= high)
+    return measured
 
 
 def _ends(

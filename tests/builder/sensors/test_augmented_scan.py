@@ -155,6 +155,13 @@ def test_an_endless_range_is_served() -> None:
     np.testing.assert_array_equal(augment_scan(scan, HERE, _box(30.5)).ranges, [30.0, INF])
 
 
+def test_a_range_of_0_is_no_return_whatever_the_least_is() -> None:
+    """Drivers write it for nothing: it proves that no beam ended, and hides no artefact."""
+    scan = _scan([0.0, 0.0, 2.0], 0.0, 1.0, (0.0, 8.0))
+    assert augment_scan(scan, HERE, _box(3.5)).ranges.tolist() == [3.0, 0.0, 2.0]
+    assert np.flatnonzero(scan.returns()[1]).tolist() == [2]
+
+
 def _twin(scan: LaserScan, pose: RigidTransform, boxes: OrientedBoxes) -> Floats:
     """Return first hits on all boxes by slabs, every beam with every box."""
     rays, best = scan.directions() @ pose.rotation_matrix().T, np.full(len(scan.ranges), np.inf)

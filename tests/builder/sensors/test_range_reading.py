@@ -68,6 +68,12 @@ def test_each_rule(real: float, front: float, expected: float) -> None:
     assert (result is given_reading) == same
 
 
+def test_a_reading_of_0_is_no_return_whatever_the_least_is() -> None:
+    """It hides no artefact."""
+    result = reading(0.0, least_m=0.0).augmented(HERE, among(box(3.5)))
+    assert result.range_m == 3.0
+
+
 @pytest.mark.parametrize(("front", "expected"), [(3.0, -INF), (8.0, INF)])
 def test_a_sensor_of_fixed_distance_only_detects(front: float, expected: float) -> None:
     """With min_range = max_range an artefact within it gives -inf, as REP 117 has it."""
