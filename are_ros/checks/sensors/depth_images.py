@@ -6,6 +6,7 @@ in it that could be quick.
 """
 
 import itertools
+import math
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,7 +26,8 @@ Bools = NDArray[np.bool_]
 _ROUNDS: Final = 400
 _CLOSE_PX: Final = 1e-6
 _DONE: Final = 1e-14
-_FARTHEST_RAD: Final = 1.56
+_FARTHEST_RAD: Final = math.acos(1e-3)
+"""89.94 degrees: farther off the axis there is no depth."""
 _LENSES: Final = {
     **dict.fromkeys(("", "none", "pinhole", "plumb_bob"), (0, 4, 5)),
     "rational_polynomial": (0, 8, 12, 14),
@@ -104,7 +106,7 @@ def _shown(slopes: Floats, k: Floats) -> Floats:
 
 
 def _from_angles(flat: Floats, k: Floats, close: float) -> Floats:
-    """Return the slopes (H, W, 2) of a fisheye's image; NaN from 89.4 degrees off the axis on."""
+    """Return the slopes (H, W, 2) of a fisheye's image; NaN from 89.94 degrees off the axis on."""
 
     def shown(angle: Floats) -> Floats:
         return np.asarray(angle * (1.0 + sum(k[i] * angle ** (2 * i + 2) for i in range(4))))

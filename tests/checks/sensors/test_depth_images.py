@@ -22,6 +22,7 @@ from are_ros.checks.sensors.depth_images import (
     rays_of,
 )
 from are_ros.checks.sensors.scan_pairs import Kept, Pairs, ScanPairs
+from are_ros.world.cameras import CameraInfo
 
 HERE = Pose(np.eye(3), np.zeros(3))
 BOX = box_triangles() * (0.4, 0.3, 0.2) + (0.1, 0.0, 3.0)
@@ -184,6 +185,20 @@ def test_rays_are_where_opencv_projects_to_the_pixels(model: str, d: tuple[float
     found = project(rays, zeros, zeros, camera.k.reshape(3, 3), np.array(d))[0].reshape(24, 32, 2)
     v, u = np.mgrid[:24, :32]
     np.testing.assert_allclose(found, np.stack((u, v), axis=2), atol=1e-3)
+
+
+def test_rays_of_a_fisheye_are_known_as_far_as_depths_go() -> None:
+    """To 89.94 degrees off the axis, as the node has it: pixels that it changes have a ray."""
+    camera = info("equidistant", (-0.02, 0.01, -3e-3, 1e-3))
+    camera.k[0], camera.k[2] = 5e3, 15.5 - 1.5752 * 5e3
+    k, r, p = (tuple(getattr(camera, name).tolist()) for name in "krp")
+    lens = CameraInfo(32, 24, "equidistant", tuple(camera.d.tolist()), k, r, p)
+    wanted = lens.view(rectified=False).rays_to_depth()
+    is_known = ~np.isnan(wanted[:, :, 0])
+    assert 0.1 < is_known.mean() < 0.9
+    rays = rays_of(camera, rectified=False)
+    assert ((~np.isnan(rays[:, :, 0])) == is_known).all()
+    np.testing.assert_allclose(rays[is_known], wanted[is_known], rtol=1e-3)
 
 
 @pytest.mark.parametrize(
