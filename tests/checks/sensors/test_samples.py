@@ -8,8 +8,13 @@ from are_ros.checks.sensors.samples import LaserSample
 
 INF = math.inf
 NUMBERS = {
-    **{"angle_min": 0.0, "angle_max": 0.3, "angle_increment": 0.1},
-    **{"time_increment": 0.0, "scan_time": 0.1, "range_min": 0.0, "range_max": INF},
+    "angle_min": 0.0,
+    "angle_max": 0.3,
+    "angle_increment": 0.1,
+    "time_increment": 0.0,
+    "scan_time": 0.1,
+    "range_min": 0.0,
+    "range_max": INF,
 }
 
 
