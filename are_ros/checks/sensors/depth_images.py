@@ -23,9 +23,9 @@ from are_ros.messages.common import read_time
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-_ROUNDS: Final = 400
+_ROUNDS: Final = 40
 _CLOSE_PX: Final = 1e-6
-_DONE: Final = 1e-14
+_STEP: Final = 1e-6
 _FARTHEST_RAD: Final = math.acos(1e-3)
 """89.94 degrees: farther off the axis there is no depth."""
 _LENSES: Final = {
@@ -83,14 +83,46 @@ def _undistorted(flat: Floats, model: str, d: Floats, close: float) -> Floats:
         return flat
     k = np.zeros(14)
     k[: len(d)] = d
-    slopes: Floats = flat.copy()
-    for _ in range(_ROUNDS):
-        lacks = flat - _shown(slopes, k)
-        slopes += 0.7 * lacks
-        if np.abs(lacks).max() < _DONE:  # never where no slope shows what the pixel shows
-            break
-    slopes[~(np.abs(_shown(slopes, k) - flat).max(axis=2) < close)] = np.nan
+    slopes, farthest = _radially_undistorted(flat, k)
+    steps = _STEP * np.eye(2)
+    with np.errstate(all="ignore"):  # where no slope shows what the pixel shows
+        for _ in range(_ROUNDS):
+            lacks = flat - _shown(slopes, k)
+            (a, c), (b, d) = (
+                np.moveaxis(_shown(slopes + step, k) - _shown(slopes - step, k), 2, 0)
+                for step in steps
+            )
+            u, v = np.moveaxis(2.0 * _STEP * lacks / (a * d - b * c)[..., None], 2, 0)
+            slopes += np.stack((d * u - b * v, a * v - c * u), axis=2)
+        is_known = np.abs(_shown(slopes, k) - flat).max(axis=2) < close
+        is_known &= (a * d - b * c > 0.0) & (np.hypot(slopes[..., 0], slopes[..., 1]) <= farthest)
+    slopes[~is_known] = np.nan
     return slopes
+
+
+def _radially_undistorted(flat: Floats, k: Floats) -> tuple[Floats, float]:
+    """Return the slopes (H, W, 2) that the radial part alone shows at `flat`, and the farthest.
+
+    Beyond that it shows other slopes at the same places: the image folds back. By bisection.
+    """
+
+    def shown(far: Floats) -> Floats:
+        r2 = far * far
+        upper = 1.0 + k[0] * r2 + k[1] * r2**2 + k[4] * r2**3
+        lower = 1.0 + k[5] * r2 + k[6] * r2**2 + k[7] * r2**3
+        return np.where(lower > 0.0, far * upper / lower, -np.inf)
+
+    far = np.tan(np.linspace(0.0, _FARTHEST_RAD, 200_000))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        grows = np.diff(shown(far)) > 0.0
+        farthest = float(far[-1] if grows.all() else far[grows.argmin()])
+        radius = np.hypot(flat[..., 0], flat[..., 1])
+        low, high = np.zeros_like(radius), np.full_like(radius, farthest)
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            is_less = shown(middle) < radius
+            low, high = np.where(is_less, middle, low), np.where(is_less, high, middle)
+    return flat * (low / np.maximum(radius, 1e-300))[..., None], farthest
 
 
 def _shown(slopes: Floats, k: Floats) -> Floats:

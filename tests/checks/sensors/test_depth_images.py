@@ -187,6 +187,27 @@ def test_rays_are_where_opencv_projects_to_the_pixels(model: str, d: tuple[float
     np.testing.assert_allclose(found, np.stack((u, v), axis=2), atol=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("model", "d"),
+    [
+        ("plumb_bob", (-0.45, 0.08, 0.0, 0.0, 0.0)),
+        ("plumb_bob", (-0.4, 0.0, 3e-3, -2e-3)),
+        ("rational_polynomial", (0.1, -0.3, 1e-3, 1e-3, 0.05, 0.2, 0.1, 0.0)),
+    ],
+)
+def test_beyond_where_a_lens_folds_back_no_ray_is_known(model: str, d: tuple[float, ...]) -> None:
+    """Though some slope far out may show the same pixel; up to there all rays are."""
+    camera = info(model, d)
+    camera.k[[0, 4]] = 13.0
+    k, r, p = (tuple(getattr(camera, name).tolist()) for name in "krp")
+    wanted = CameraInfo(32, 24, model, d, k, r, p).view(rectified=False).rays_to_depth()
+    rays = rays_of(camera, rectified=False)
+    is_known = ~np.isnan(wanted[:, :, 0])
+    assert 0.2 < is_known.mean() < 0.95
+    assert ((~np.isnan(rays[:, :, 0])) == is_known).all()
+    np.testing.assert_allclose(rays[is_known], wanted[is_known], rtol=1e-6, atol=1e-6)
+
+
 def test_rays_of_a_fisheye_are_known_as_far_as_depths_go() -> None:
     """To 89.94 degrees off the axis, as the node has it: pixels that it changes have a ray."""
     camera = info("equidistant", (-0.02, 0.01, -3e-3, 1e-3))
