@@ -72,6 +72,11 @@ class RawColour:
 
     image: Image
 
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.image.height, self.image.width
+
     def check(self) -> None:
         """Raise InputError if the encoding is not painted on."""
         encoding, width = self.image.encoding, self.image.width
@@ -157,6 +162,12 @@ class CompressedColour:
     """A JPEG or PNG of 8 bits; it is decompressed when an artefact may be in it."""
 
     image: CompressedImage
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns, as the data's beginning has them; InputError as `check`."""
+        header = self._header()
+        return header.height, header.width
 
     def check(self) -> None:
         """Raise InputError if the data are no picture that is painted on, by their beginning."""
@@ -470,9 +481,13 @@ class ColourImage:
         return replace(self, lens=lens)
 
     def with_nobody(self, map_from_sensor: RigidTransform) -> "ColourImage":
-        """Return the image with the truth that no artefact is in it, if its lens is known."""
+        """Return the image with the truth that no artefact is in it, if its lens is known.
+
+        InputError if the lens is of another size: then nothing is known of the image's pixels.
+        """
         if self.lens is None:
             return self
+        self.lens.check_size(*self.pixels.shape)
         nobody = np.full((self.lens.view.height, self.lens.view.width), -1, dtype=np.int32)
         return replace(self, truth=ImageTruth(nobody, map_from_sensor))
 

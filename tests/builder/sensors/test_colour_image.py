@@ -213,6 +213,27 @@ def test_where_nothing_is_visible_the_pixels_are_the_same_object(obstacles: Obst
     assert not hidden.truth.ids.any()
 
 
+@pytest.mark.parametrize("suffix", ["", ".png", ".jpg"])
+def test_an_image_of_another_size_than_its_lens_has_no_mask_of_nobody(
+    suffix: str, obstacles: Obstacles
+) -> None:
+    """Whether anybody is there or not: it is refused, with both sizes."""
+    small = np.full((HEIGHT // 2, WIDTH // 2, 3), 100, np.uint8)
+    pixels: ColourPixels = RawColour(
+        Image("eye", 100, "rgb8", 0, WIDTH // 2, small.reshape(HEIGHT // 2, -1))
+    )
+    if suffix:
+        data = cv2.imencode(suffix, small)[1].reshape(-1)
+        pixels = CompressedColour(CompressedImage("eye", 100, "rgb8; compressed", data))
+    image, sizes = ColourImage(pixels, LENS), "it has 32 x 24 pixels, and camera_info is of 64 x 48"
+    away = RigidTransform.planar(0.0, 0.0, np.pi, 1.0) @ FORWARD_FROM_OPTICAL
+    for pose in (CAMERA, away):
+        with pytest.raises(InputError, match=sizes):
+            image.augmented(pose, obstacles)
+    with pytest.raises(InputError, match=sizes):
+        image.with_nobody(CAMERA)
+
+
 FISHEYE = replace(INFO, distortion_model="equidistant", k=(12.0, *K[1:4], 12.0, *K[5:]))
 
 
