@@ -440,7 +440,9 @@ class Reading:
         )
         images = {topic for topic, type_name in types.items() if type_name in _IMAGES}
         painted = {topic for topic in images if topic.startswith(PREFIX)}
-        of_depths = frozenset(topic for topic in images if self._holds_depths(topic))
+        of_depths = frozenset(
+            topic for topic in images - self._of_colours(types) if self._holds_depths(topic)
+        )
         depths = of_depths if painted & of_depths else frozenset[str]()
         has_scans = any(name.startswith(PREFIX) and types[name] in BEAMS for name in types)
         self._has_meshes = bool(depths) or has_clouds or has_scans
@@ -457,6 +459,15 @@ class Reading:
         self.record.infos_of_depths = frozenset(infos_of_depths if of_others else ())
         self.record.scans.given_infos = given
         return self
+
+    def _of_colours(self, known: Collection[str]) -> set[str]:
+        """Return the topics of colours by the parameters, and those on which they go out.
+
+        A camera of 16 bits, as a thermal one, has an encoding that depths have, too.
+        """
+        names = self._parameters.sensors.images if self._parameters else ()
+        found = {_named(topic, known) for topic in names}
+        return found | {PREFIX + topic.lstrip("/") for topic in found} | {PREFIX + "camera/image"}
 
     def _holds_depths(self, topic: str) -> bool:
         """Tell whether the first image of a topic is one of depths; of none, it is not."""

@@ -1182,6 +1182,44 @@ def test_of_several_camera_infos_any_may_be_the_cameras(right: Draft, tmp_path: 
         assert results_of(draft, tmp_path)["perceived"].outcome is outcome
 
 
+@pytest.mark.parametrize("role", ["images", "depths"])
+def test_an_image_of_16_bits_is_one_of_depths_unless_it_is_given_as_colours(
+    right: Draft, tmp_path: Path, role: str
+) -> None:
+    """A thermal camera's passes through; depths of 5 m behind an artefact may not."""
+    draft = copy.deepcopy(right)
+    draft.values |= {f"sensors.{role}": ["/thermal/image_rect"], "sensors.shape": "box"}
+    header, p = make_header(SCAN_NS, "laser"), (10.0, 0, 15.5, 0, 0, 10.0, 11.5, 0, 0, 0, 1.0, 0)
+    info = MAKE(
+        "sensor_msgs/msg/CameraInfo",
+        header=header,
+        width=32,
+        height=24,
+        distortion_model="plumb_bob",
+        p=np.array(p),
+        r=np.array((0, -1.0, 0, 0, 0, -1.0, 1.0, 0, 0)),
+    )
+    image = MAKE(
+        "sensor_msgs/msg/Image",
+        header=header,
+        width=32,
+        height=24,
+        encoding="mono16",
+        step=64,
+        data=np.full(32 * 24, 5000, "<u2").view(np.uint8),
+    )
+    out = OUT + ("camera" if role == "images" else "depth")
+    for k, topic in enumerate(("/thermal/camera_info", f"{out}/camera_info")):
+        draft.types[topic] = "sensor_msgs/msg/CameraInfo"
+        draft.messages[topic] = [(SCAN_NS + (1 + 4 * k) * MS, info)]
+    for k, topic in enumerate(("/thermal/image_rect", f"{out}/image")):
+        draft.types[topic] = "sensor_msgs/msg/Image"
+        draft.messages[topic] = [(SCAN_NS + (1 + 4 * k) * MS + 1, image)]
+    result = results_of(draft, tmp_path).get("depth images computed anew")
+    is_failed = result is not None and result.outcome is Outcome.FAILED
+    assert is_failed == (role == "depths")
+
+
 def test_the_memory_begins_with_the_last_look(right: Draft, tmp_path: Path) -> None:
     """With a camera slower than the ticks that is before the tick that still tells of it."""
     draft = copy.deepcopy(right)
