@@ -13,6 +13,7 @@ _UNITS: Final = (
     ("s", 1.0),
 )
 _SHORT_S: Final = 20.0
+_MOST_FILES: Final = 6
 
 
 def counted(count: int, noun: str) -> str:
@@ -43,6 +44,13 @@ def why_refused(cause: OSError) -> str:
 def listed(words: Sequence[str]) -> str:
     """Return words as a list: "a", "a and b", "a, b and c"."""
     return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
+
+
+def listed_files(names: Sequence[str]) -> str:
+    """Return names of files as a list; of many, the first two and the last, with their number."""
+    if len(names) <= _MOST_FILES:
+        return listed(names)
+    return f"{', '.join(names[:2])} ... {names[-1]} ({len(names)} files)"
 
 
 def duration_text(duration_ns: int) -> str:

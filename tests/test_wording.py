@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from are_ros.wording import counted, listed, several, why_refused
+from are_ros.wording import counted, listed, listed_files, several, why_refused
 
 
 @pytest.mark.parametrize(
@@ -28,6 +28,13 @@ def test_plurals_are_the_regular_ones() -> None:
 def test_the_last_word_of_a_list_follows_an_and(words: tuple[str, ...], text: str) -> None:
     """The others a comma."""
     assert listed(words) == text
+
+
+def test_of_many_files_the_ends_are_named() -> None:
+    """Six are few."""
+    names = [f"bag_{number}.mcap" for number in range(50)]
+    assert listed_files(names[:6]) == listed(names[:6])
+    assert listed_files(names) == "bag_0.mcap, bag_1.mcap ... bag_49.mcap (50 files)"
 
 
 def test_what_the_system_refuses_is_said_in_one_wording(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from struct import Struct
 from struct import error as StructError  # noqa: N812
 from typing import Any, Final, NamedTuple
+from urllib.parse import quote
 
 from rosbags.interfaces import MessageDefinitionFormat, Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
@@ -35,7 +36,7 @@ from are_ros.messages.transforms import (
     read_odometry_numbers,
     read_transforms,
 )
-from are_ros.wording import listed
+from are_ros.wording import listed_files
 
 # Errors of rosbags, as one sentence for the user.
 
@@ -45,6 +46,8 @@ _RECOVER = "it ends too early (an interrupted recording?); `mcap recover` may re
 _DAMAGED = "a part of it is damaged; `mcap recover` may save the rest"
 _OTHER_KIND = "its first bytes are not those of a bag of this kind"
 _DATABASE = "it is no rosbag2 database, or a damaged one; `sqlite3 FILE .recover` may save a part"
+
+_UNSORTED = "its messages are not in order of time, and have no index; `mcap recover` writes one"
 
 _SENTENCES = (
     ("not indexed", "it has no index; `rosbag reindex` makes one"),
@@ -62,6 +65,7 @@ _SENTENCES = (
     ("Invalid bag metadata", "its metadata.yaml is empty or no rosbag2 metadata"),
     ("database", _DATABASE),
     ("checksum mismatch", _DAMAGED),
+    ("not in timestamp order", _UNSORTED),
 )
 
 _CUT_OFF = ("EndOfFile", "RecordLengthLimitExceeded")
@@ -86,7 +90,7 @@ def sentence_of(error: Exception) -> str:
     """Return a plain description of an error, without a full stop."""
     text = " ".join(" ".join(str(part) for part in error.args).split()).rstrip(".")
     if "files are missing" in text:
-        names = listed([Path(name).name for name in re.findall(r"'([^']+)'", text)])
+        names = listed_files([Path(name).name for name in re.findall(r"'([^']+)'", text)])
         return f"files that its metadata.yaml names are missing: {names}; give those there are"
     for part, sentence in _SENTENCES:
         if part in text:
@@ -230,10 +234,21 @@ def _check_folder(path: Path) -> None:
     inside = [file.name for file in _recordings_in(path)]
     message = f"{path}: a folder without metadata.yaml is no rosbag2 recording"
     if inside:
-        message += f"; give the files in it themselves: {', '.join(inside)}"
+        message += f"; give the files in it themselves: {listed_files(inside)}"
     elif any(file.suffix in _COMPRESSED for file in path.iterdir()):
         message += "; decompress the files in it (zstd -d), and give those themselves"
     raise BagError(message)
+
+
+def _not_among(folder: Path, named: Collection[Path]) -> list[str]:
+    """Return the names of the recordings in a folder that are none of some, and no result."""
+    files = {file.resolve(): file.name for file in _recordings_in(folder)}
+    suffixes = {path.suffix for path in named}
+    return [
+        name
+        for path, name in files.items()
+        if path not in named and path.suffix in suffixes and name != _RESULT
+    ]
 
 
 def _recordings_in(folder: Path) -> list[Path]:
@@ -314,17 +329,15 @@ class _Part:
 
     @classmethod
     def of(cls, path: Path, reader: Any) -> "list[_Part]":
-        """Return the files of an opened recording; BagError if one of them is not complete."""
+        """Return the files of an opened recording; BagError for one that cannot be read by time."""
         storage = getattr(reader, "storage", None)
         if storage is None or not hasattr(storage, "storages"):
-            _check_complete(path)
             times = int(reader.start_time), int(reader.end_time)
             _check_topics(path, reader, times)
             return [cls(path, reader, *times, reader.message_count)]
         parts = []
         for file in {Path(file.path).name: file for file in storage.storages}.values():
             name, data = path / Path(file.path).name, file.metadata
-            _check_complete(name)
             times = int(data.start_time), int(data.end_time)
             _check_topics(name, file, times)
             parts.append(cls(name, file, *times, data.message_count))
@@ -378,22 +391,62 @@ class _Part:
             return jump_back(Path(self.reader.path), self.reader, topics, start_ns, stop_ns)
 
 
-def _check_complete(path: Path) -> None:
-    """Refuse a database the last messages of which are in a file beside it."""
-    rest = path.with_name(f"{path.name}-wal")
-    if path.suffix == ".db3" and rest.is_file() and rest.stat().st_size:
-        raise BagError(
-            f"{path}: the last messages are in {rest.name} still (the recorder runs, or was"
-            f" killed); `sqlite3 {path.name} 'PRAGMA wal_checkpoint(TRUNCATE)'` moves them"
-        )
+_JOURNAL = b"\xd9\xd5\x05\xf9"
+"""So begins a journal that is still needed."""
 
+
+def _check_complete(path: Path) -> None:
+    """Refuse databases that are read rightly only together with a file beside them."""
+    for file in _recordings_in(path) if path.is_dir() else [path]:
+        if file.suffix != ".db3":
+            continue
+        if _first_bytes(rest := file.with_name(f"{file.name}-wal")):
+            raise BagError(
+                f"{file}: the last messages are in {rest.name} still (the recorder runs, or was"
+                f" killed); `sqlite3 {file.name} 'PRAGMA wal_checkpoint(TRUNCATE)'` moves them"
+            )
+        if _first_bytes(rest := file.with_name(f"{file.name}-journal")) == _JOURNAL:
+            raise BagError(
+                f"{file}: the last messages were not written to their end, as {rest.name} tells"
+                f" (the recorder runs, or was killed); `sqlite3 {file.name} .tables` undoes them"
+            )
+
+
+def _first_bytes(path: Path) -> bytes:
+    """Return the first four bytes of a file, fewer where it has not so many, or is not there."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(_JOURNAL))
+    except FileNotFoundError:
+        return b""
+
+
+class _UriPath(type(Path())):  # type: ignore[misc] # the class of this system's paths
+    """A path that rosbags can put into an URI as it is: it opens databases by such."""
+
+    def __format__(self, form: str) -> str:
+        """Return the path with %, ? and #, which mean something in an URI, in other words."""
+        return format(quote(str(self)), form)
+
+
+_TIMES_END_NS: Final = 2**63 - 1
+"""Times of a recording lie before this one, in the year 2262."""
 
 _NO_TYPE = "__schemaless__"
 """What rosbags calls the type of an mcap's channel without a schema."""
 
 
 def _check_topics(path: Path, reader: Any, times: tuple[int, int]) -> None:
-    """Refuse an mcap with messages, whose summary leaves out the topics or all their types."""
+    """Refuse what has messages and cannot be read by topic and time.
+
+    That is an mcap whose summary leaves out the topics or all their types, or whose chunks have no
+    index, and any recording with times that no integer of 64 bits holds.
+    """
+    chunks = getattr(reader, "storage", reader).chunks if path.suffix == ".mcap" else ()
+    if chunks and not any(chunk.message_index_offsets for chunk in chunks):
+        raise BagError(f"{path}: its chunks have no index of messages; `mcap recover` writes one")
+    if times[0] < times[1] and times[1] > _TIMES_END_NS:
+        raise BagError(f"{path}: the log times go on after the year 2262, where times end")
     has_types = any(one.msgtype != _NO_TYPE for one in reader.connections)
     if not has_types and times[0] < times[1]:
         raise BagError(
@@ -469,7 +522,8 @@ class BagReader:
         with ExitStack() as stack:
             for path in self._paths:
                 with as_bag_errors(str(path)):
-                    reader: Any = Ros1Reader(path) if self.is_ros1 else Ros2Reader(path)
+                    _check_complete(path)
+                    reader: Any = Ros1Reader(path) if self.is_ros1 else Ros2Reader(_UriPath(path))
                     reader.open()
                 stack.callback(reader.close)
                 self._parts += _Part.of(path, reader)
@@ -482,6 +536,20 @@ class BagReader:
     def __exit__(self, *_: object) -> None:
         self._parts = []
         self._stack.close()
+
+    @property
+    def unnamed(self) -> list[str]:
+        """A sentence for each folder with files that its metadata.yaml does not name.
+
+        They are not read. A recorder that was killed leaves such files.
+        """
+        named = {part.path.resolve() for part in self._parts}
+        return [
+            f"{folder}: its {_METADATA} does not name {listed_files(rest)}, left out here;"
+            " `ros2 bag reindex` makes one that does, or give the files themselves"
+            for folder in self._paths
+            if folder.is_dir() and (rest := _not_among(folder, named))
+        ]
 
     @property
     def start_ns(self) -> int:

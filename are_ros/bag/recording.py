@@ -31,7 +31,7 @@ from are_ros.messages.sensors import CAMERA_INFO_TYPE, OUTPUT_TYPES, SENSORS
 from are_ros.messages.tick_encoding import ALL_OUTPUTS, OUTPUTS
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
-from are_ros.wording import listed
+from are_ros.wording import listed, listed_files
 
 PREFIX: Final = "/ar_builder/"
 INPUT_TYPES: Final = (
@@ -146,7 +146,7 @@ def _in_folder(folder: Path) -> RecordingFiles:
     if not inside:
         raise BagError(f"{folder}: there is no {RECORDING} in it, nor another recording")
     if len(inside) > 1:
-        names = ", ".join(file.name for file in inside)
+        names = listed_files([file.name for file in inside])
         raise BagError(f"{folder}: there are several recordings, give one of them: {names}")
     return find_recording(inside[0])
 
@@ -292,13 +292,16 @@ class Recording:
     def left_out(self) -> str:
         """What `messages` leave out, as a sentence: all after a jump of the clock; "" for nothing.
 
-        A replay has no jump.
+        A replay has no jump. Of a folder, files that its metadata do not name are left out, too.
         """
+        said = self._reader.unnamed
         ticks = LiveTicks() if self.files.is_replay else self._live_ticks()
-        if ticks.end is None:
-            return ""
-        back = f"the clock jumps back by {ticks.back_ns / NS_PER_S:.1f} s"
-        return f"{back}, as where a drive is played once more: what comes after that is left out"
+        if ticks.end is not None:
+            back = f"the clock jumps back by {ticks.back_ns / NS_PER_S:.1f} s"
+            said += [
+                f"{back}, as where a drive is played once more: what comes after that is left out"
+            ]
+        return "; ".join(said)
 
     @property
     def changed_parameters(self) -> tuple[str, ...]:

@@ -163,7 +163,7 @@ def play(
     """
     with BagReader(options.bags) as reader, ros_session("are_player") as node:
         recording = PlayWindow.of(reader, options)
-        for sentence in recording.window.sentences("the player"):
+        for sentence in (*reader.unnamed, *recording.window.sentences("the player")):
             say(sentence)
         if recording.clock.sentence:
             say(recording.clock.sentence)

@@ -339,6 +339,8 @@ def inspect_command(
             has_map_file=map_file is not None,
             sensors=named_sensors(parameters.sensors) | of_options,
         )
+        for sentence in reader.unnamed:
+            echo(sentence)
     for line in inspection_lines(inspection, map_file):
         echo(line)
 

@@ -155,7 +155,7 @@ def _prepared(reader: BagReader, options: ReplayOptions, stopwatch: Stopwatch, s
     replay = Replay(reader, builder, options, timeline, stopwatch)
     grid, cloud = _read_files(options)
     _prepare_places(options)
-    for sentence in timeline.sentences():
+    for sentence in (*reader.unnamed, *timeline.sentences()):
         say(sentence)
     if options.map_file is not None and (doubt := doubt_about_unknown(options.map_file)):
         say(doubt)

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 import yaml
+from mcap.writer import IndexType
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
@@ -267,6 +268,105 @@ def test_a_database_that_is_not_complete_is_refused(
     for path in (file, file.parent):
         with pytest.raises(BagError, match=r"db3-wal still .* `sqlite3 .*wal_checkpoint"):
             BagReader([path]).__enter__()
+
+
+def test_a_database_in_the_midst_of_a_transaction_is_refused(
+    tmp_path: Path, write_bag: WriteBag, words: list[tuple[str, int, Any]]
+) -> None:
+    """Its journal, which is still needed, lies beside it; one that is not is no matter."""
+    file = write_bag(tmp_path / "bag.db3", words)
+    journal = Path(f"{file}-journal")
+    journal.write_bytes(bytes(512))
+    with BagReader([file]) as reader:
+        assert len(list(reader.messages())) == 4
+    journal.write_bytes(b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7")
+    for path in (file, file.parent):
+        with pytest.raises(BagError, match=r"db3-journal tells .* `sqlite3 bag\.db3 \.tables`"):
+            BagReader([path]).__enter__()
+
+
+def test_a_database_all_of_which_is_in_the_file_beside_it_is_no_damaged_one(
+    tmp_path: Path,
+) -> None:
+    """The recorder was killed before the first checkpoint: the database itself has no tables."""
+    file = tmp_path / "bag.db3"
+    file.write_bytes(b"")
+    Path(f"{file}-wal").write_bytes(b"rest")
+    with pytest.raises(BagError, match=r"bag\.db3: the last messages are in bag\.db3-wal still"):
+        BagReader([file]).__enter__()
+
+
+@pytest.mark.parametrize("name", ["a#b.db3", "a?b.db3", "a%20b.db3", "a%20b"])
+def test_names_with_signs_of_an_address_are_names(
+    tmp_path: Path, write_bag: WriteBag, words: list[tuple[str, int, Any]], name: str
+) -> None:
+    """A database beside it, which the name read as an address would mean, is not read."""
+    for number, other in enumerate(("a", "a b.db3")):
+        write_bag(tmp_path / f"{number}.db3", words[:1]).rename(tmp_path / other)
+    file = write_bag(tmp_path / "bag.db3", words)
+    path = (file if name.endswith(".db3") else file.parent).rename(tmp_path / name)
+    with BagReader([path]) as reader:
+        assert len(list(reader.messages())) == 4
+        assert len(list(reader.in_file_order(["/a", "/b"]))) == 4
+
+
+def test_files_that_the_metadata_do_not_name_are_told(in_two_files: Path) -> None:
+    """A recorder that was killed leaves such; the results of a replay there are none of them."""
+    with BagReader([in_two_files]) as reader:
+        assert reader.unnamed == []
+    metadata = in_two_files / "metadata.yaml"
+    content = yaml.safe_load(metadata.read_text())
+    names = content["rosbag2_bagfile_information"]["relative_file_paths"]
+    late = names.pop()
+    metadata.write_text(yaml.safe_dump(content))
+    (in_two_files / "augmented.mcap").write_bytes(b"")
+    (in_two_files / "other.db3").write_bytes(b"")
+    with BagReader([in_two_files]) as reader:
+        (said,) = reader.unnamed
+        assert said.startswith(f"{in_two_files}: its metadata.yaml does not name {late}, left out")
+    with BagReader([in_two_files / names[0]]) as reader:
+        assert reader.unnamed == []
+
+
+def write_mcap(path: Path, times: list[int], **options: Any) -> Path:
+    """Write an mcap of Strings at some times, with options of its writer."""
+    with path.open("wb") as file:
+        writer = McapWriter(file, **options)
+        writer.start(profile="ros2", library="test")
+        channel = writer.register_channel(
+            "/a", "cdr", writer.register_schema(STRING, "ros2msg", b"string data")
+        )
+        for at in times:
+            writer.add_message(channel, at, b"\0\1\0\0\1\0\0\0\0", at)
+        writer.finish()
+    return path
+
+
+def test_an_mcap_without_an_index_of_messages_is_no_damaged_one(tmp_path: Path) -> None:
+    """Also a window of it was read as empty."""
+    path = write_mcap(tmp_path / "bag.mcap", [10, 20], index_types=IndexType.CHUNK)
+    with pytest.raises(BagError, match="no index of messages; `mcap recover` writes one"):
+        BagReader([path]).__enter__()
+
+
+def test_an_mcap_without_any_index_has_to_be_in_order_of_time(tmp_path: Path) -> None:
+    """It is read as it lies."""
+    path = write_mcap(tmp_path / "bag.mcap", [10, 20], use_chunking=False)
+    with BagReader([path]) as reader:
+        assert [message.log_time_ns for message in reader.messages()] == [10, 20]
+    path = write_mcap(tmp_path / "bag.mcap", [20, 10], use_chunking=False)
+    with (
+        BagReader([path]) as reader,
+        pytest.raises(BagError, match=r"not in order of time, and have no index; `mcap recover`"),
+    ):
+        list(reader.messages())
+
+
+def test_times_beyond_those_that_numbers_hold_are_said(tmp_path: Path) -> None:
+    """An mcap has room for them: an unsigned number of 64 bits."""
+    path = write_mcap(tmp_path / "bag.mcap", [10, 2**63])
+    with pytest.raises(BagError, match=r"bag\.mcap: the log times go on after the year 2262"):
+        BagReader([path]).__enter__()
 
 
 def test_a_latched_topic_is_known(tmp_path: Path, factory: RosbagsFactory) -> None:

@@ -451,6 +451,8 @@ def align(options: ReplayOptions, say: Say) -> AlignOutcome:
     """Read the recording and the map, and search."""
     parameters = options.parameters
     with BagReader(options.bags) as reader:
+        for sentence in reader.unnamed:
+            say(sentence)
         roles = find_roles(reader.topics, options.topics)
         grid = map_of(reader, roles, options)
         with ProgressBar("read") as bar:
