@@ -1,5 +1,7 @@
 """Writes recordings: MCAP files that ROS 2, Foxglove and rosbags open."""
 
+import fcntl
+import os
 from collections import deque
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -97,7 +99,8 @@ class BagWriter:
     """Writes one MCAP file of ROS 2 messages; a context manager.
 
     The file appears under its name only when the block ends without an exception; until then it
-    is `<name>.part`, which a failed run removes unless it `keeps_partial`. The same calls give the
+    is `<name>.part`, which a failed run removes unless it `keeps_partial`, and which one process
+    writes at a time. The same calls give the
     same bytes: no clock, no path and no order but that of the calls enters the file. BagError if it
     cannot be written. A thread of its own compresses and writes, so an error may come some messages
     late.
@@ -110,14 +113,19 @@ class BagWriter:
         *,
         notes: Mapping[str, str] | None = None,
         keeps_partial: bool = False,
+        outdates: Sequence[Path] = (),
     ) -> None:
         """Prepare to write `path`; types come from `typestore` (`jazzy_typestore()`).
 
-        `notes` are written at the beginning, where also an unfinished file shows them.
+        `notes` are written at the beginning, where also an unfinished file shows them. The files
+        that it `outdates` are removed just before the recording appears, so that they are never
+        beside one that they do not belong to, wherever the process is killed.
         """
         self._path = path
         self._partial = partial_path(path)
         self._notes = notes
+        self._outdates = tuple(outdates)
+        self._is_finished = False
         self._keeps_partial = keeps_partial
         self._store = jazzy_typestore() if typestore is None else typestore
         self._channels: dict[str, _Channel] = {}
@@ -131,7 +139,9 @@ class BagWriter:
 
     def __enter__(self) -> "BagWriter":  # noqa: PYI034 (Self came with Python 3.11)
         try:
-            self._file = self._partial.open("wb")
+            self._file = _opened_alone(self._partial)
+        except BlockingIOError as cause:
+            raise BagError(f"{self._path} cannot be written: another process writes it") from cause
         except OSError as cause:
             raise self._unwritable(cause) from cause
         self._writer = Writer(self._file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
@@ -259,7 +269,10 @@ class BagWriter:
         try:
             self._writer.finish()
             self._file.close()
+            for file in self._outdates:
+                file.unlink(missing_ok=True)
             self._partial.replace(self._path)
+            self._is_finished = True
         except OSError as cause:
             raise self._unwritable(cause) from cause
 
@@ -268,12 +281,50 @@ class BagWriter:
         self._thread.shutdown(cancel_futures=True)
         with suppress(OSError):
             self._file.close()
-        if not self._keeps_partial:
+        if not self._is_finished and not self._keeps_partial:
             with suppress(FileNotFoundError):
                 self._partial.unlink()
 
     def _unwritable(self, cause: OSError) -> BagError:
         return BagError(f"{self._path} cannot be written: {cause.strerror}")
+
+
+def _opened_alone(path: Path) -> BufferedWriter:
+    """Open an empty file to write, and lock it; BlockingIOError if another process has.
+
+    Another process may give the file its name between the opening and the lock: then anew.
+    """
+    while True:
+        file = os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT, 0o666), "wb")
+        try:
+            lock(file.fileno())
+            if _is_at(path, file):
+                file.truncate(0)
+                return file
+        except BaseException:
+            file.close()
+            raise
+        file.close()
+
+
+def _is_at(path: Path, file: BufferedWriter) -> bool:
+    try:
+        return os.path.samestat(path.stat(), os.fstat(file.fileno()))
+    except FileNotFoundError:
+        return False
+
+
+def lock(descriptor: int) -> None:
+    """Lock an open file or folder until it is closed; BlockingIOError if another process has.
+
+    Where the file system has no locks, nothing happens.
+    """
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise
+    except OSError:
+        return
 
 
 def partial_path(path: Path) -> Path:

@@ -38,6 +38,7 @@ from are_ros.replay.output_folder import (
     TIMING,
     VIEW,
     all_or_nothing,
+    alone_in,
     animation_path,
     earlier_exports,
     no_empty_folders,
@@ -145,16 +146,21 @@ def replay_command(say: Say, **options: Any) -> bool:
     film = None if wanted is None else animation_path(wanted, options["out"])
     scenario = replay.save_scenario
     folders = [options["out"], *([] if scenario is None else [scenario.parent])]
+    with no_empty_folders(*folders), alone_in(options["out"]):
+        return _replayed_into(options["out"], replay, film, say)
+
+
+def _replayed_into(out: Path, replay: ReplayOptions, film: Path | None, say: Say) -> bool:
+    """Run a replay, and write all its results; return as `replay_command`."""
     said: list[str] = []
-    with no_empty_folders(*folders):
-        with ProgressBar() as bar:
-            outcome = run_replay(replay, say, bar.open)
-        with all_or_nothing(options["out"]):
-            remove_earlier(options["out"])
-            write_results(outcome, options["out"])
+    with ProgressBar() as bar:
+        outcome = run_replay(replay, say, bar.open)
+    with all_or_nothing(out):
+        remove_earlier(out)
+        write_results(outcome, out)
     is_filmed = True
     try:
-        said += write_replay_view(outcome, options["out"])
+        said += write_replay_view(outcome, out)
         if film is not None:
             threshold = replay.parameters.world.occupied_threshold
             with outcome.stopwatch.phase("animation"):
@@ -164,10 +170,10 @@ def replay_command(say: Say, **options: Any) -> bool:
         said.append(str(cause))
     finally:
         timing = timing_content(outcome.record, outcome.stopwatch)
-        with all_or_nothing(options["out"]):
-            write_json(options["out"] / TIMING, timing)
-        summary = [*summary_lines(_metrics(outcome), timing), f"results in {options['out']}"]
-        for line in [*summary, *said, *earlier_exports(options["out"]), *complaints(outcome)]:
+        with all_or_nothing(out):
+            write_json(out / TIMING, timing)
+        summary = [*summary_lines(_metrics(outcome), timing), f"results in {out}"]
+        for line in [*summary, *said, *earlier_exports(out), *complaints(outcome)]:
             say(line)
     in_part = outcome.camera_problem, outcome.cloud_problem, outcome.scan_problem
     problems = outcome.refusals.counts, *in_part

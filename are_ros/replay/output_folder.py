@@ -6,6 +6,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
+from are_ros.bag.writer import lock
 from are_ros.errors import BagError
 from are_ros.wording import listed, why_refused
 
@@ -29,6 +30,28 @@ def prepare_folder(folder: Path, results: Sequence[str] = RESULTS) -> None:
 
 
 @contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Make the folder, and keep other replays out of it while a block runs.
+
+    BagError if it cannot be made, or if another replay is at work there.
+    """
+    _make(folder, f"--out {folder}: the folder")
+    handle = None
+    try:
+        try:
+            handle = os.open(folder, os.O_RDONLY)
+            lock(handle)
+        except BlockingIOError as cause:
+            raise BagError(f"--out {folder}: another replay writes its results there") from cause
+        except OSError:  # a folder that may not be listed cannot be locked
+            pass
+        yield
+    finally:
+        if handle is not None:
+            os.close(handle)
+
+
+@contextmanager
 def no_empty_folders(*folders: Path) -> Iterator[None]:
     """Remove the folders that a failing block has made, and those above them, if they are empty."""
     above = [path for folder in folders for path in (folder, *folder.parents)]
@@ -47,6 +70,12 @@ def remove_earlier(folder: Path, names: Sequence[str] = (VIEW, ANIMATION)) -> No
     for name in names:
         if not (folder / name).is_dir():
             (folder / name).unlink(missing_ok=True)
+
+
+def outdated_by_recording(folder: Path) -> list[Path]:
+    """Return the results of an earlier run, which do not belong to a new recording there."""
+    names = [name for name in (*RESULTS, ANIMATION) if name != AUGMENTED]
+    return [folder / name for name in names if not (folder / name).is_dir()]
 
 
 def earlier_exports(folder: Path) -> list[str]:

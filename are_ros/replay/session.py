@@ -42,7 +42,12 @@ from are_ros.parameters.model import INFO_MARK, Parameters
 from are_ros.parameters.validation import with_contact_policy
 from are_ros.population.catalogue import Catalogue
 from are_ros.replay.listeners import SHARE, InputCopy, RecordKeeper, StandingWatch, TickWriter
-from are_ros.replay.output_folder import AUGMENTED, prepare_folder, prepare_scenario
+from are_ros.replay.output_folder import (
+    AUGMENTED,
+    outdated_by_recording,
+    prepare_folder,
+    prepare_scenario,
+)
 from are_ros.replay.progress import KernelBar, OpenProgress, Say, Stopwatch, said_if_slow
 from are_ros.replay.results import REPLAY_PHASE
 from are_ros.replay.runner import Listener, Replay
@@ -324,7 +329,9 @@ def _open_writers(
         return (), dict
     skipped = skipped_parts(options.demand)
     notes = {SKIPPED: " ".join(skipped)} if skipped else None
-    writer = stack.enter_context(BagWriter(options.out / AUGMENTED, notes=notes))
+    outdated = outdated_by_recording(options.out)
+    file = BagWriter(options.out / AUGMENTED, notes=notes, outdates=outdated)
+    writer = stack.enter_context(file)
     outputs = TickWriter(writer, replay.role_of_topic, options.parameters, options.demand)
     if not options.with_inputs:
         return (outputs,), writer.counts

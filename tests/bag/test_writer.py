@@ -184,6 +184,43 @@ def test_nothing_is_written_after_what_could_not_be(
     assert asked == [0, 1]
 
 
+def test_a_file_that_another_process_writes_is_left_alone(
+    tmp_path: Path, factory: RosbagsFactory
+) -> None:
+    """Both would write into one, and the first would name it when the second is in the middle."""
+    path = tmp_path / "out.mcap"
+    with BagWriter(path) as first:
+        first.add_topic("/map", GRID)
+        with pytest.raises(
+            BagError, match=r"out\.mcap cannot be written: another process writes it"
+        ):
+            BagWriter(path).__enter__()
+        first.write("/map", 1, make_grid(factory, grid(1)))
+    with BagReader([path]) as reader:
+        assert len(list(reader.messages())) == 1
+    write_sample(path, factory)
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+
+
+def test_what_a_recording_outdates_goes_when_it_appears(
+    tmp_path: Path, factory: RosbagsFactory
+) -> None:
+    """Neither earlier, when it may still fail, nor later, when the process may have been killed."""
+    path, other = tmp_path / "out.mcap", tmp_path / "metrics.json"
+    path.write_bytes(b"earlier")
+    other.write_text("{}")
+    outdates = [other, tmp_path / "not_there.json"]
+    with pytest.raises(RuntimeError), BagWriter(path, outdates=outdates):
+        raise RuntimeError
+    assert other.exists()
+    assert path.read_bytes() == b"earlier"
+    with BagWriter(path, outdates=outdates) as writer:
+        writer.add_topic("/map", GRID)
+        writer.write("/map", 1, make_grid(factory, grid(1)))
+        assert other.exists()
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+
+
 def test_maps_compress_to_almost_nothing(tmp_path: Path, factory: RosbagsFactory) -> None:
     """Forty maps of 120,000 cells take less room than one."""
     write_sample(tmp_path / "out.mcap", factory)

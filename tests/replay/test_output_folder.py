@@ -9,6 +9,7 @@ from are_ros.errors import BagError
 from are_ros.replay.output_folder import (
     RESULTS,
     all_or_nothing,
+    alone_in,
     earlier_exports,
     no_empty_folders,
     picture_beside,
@@ -68,6 +69,25 @@ def test_a_failing_run_leaves_no_empty_folder(tmp_path: Path) -> None:
     with no_empty_folders(new):
         prepare_folder(new)
     assert new.is_dir()
+
+
+def test_two_replays_into_one_folder_are_told(tmp_path: Path) -> None:
+    """The second is refused while the first is at work, and leaves what is there."""
+    folder = tmp_path / "a" / "b"
+    with alone_in(folder):
+        (folder / "metrics.json").write_text("{}")
+        with (
+            pytest.raises(BagError, match=r"--out .*b: another replay writes its results there"),
+            no_empty_folders(folder),
+            alone_in(folder),
+        ):
+            pass
+        assert [file.name for file in folder.iterdir()] == ["metrics.json"]
+    with alone_in(folder), alone_in(tmp_path / "other"):
+        pass
+    (tmp_path / "file").write_text("")
+    with pytest.raises(BagError, match=r"the folder cannot be made \(it is a file\)"):
+        alone_in(tmp_path / "file").__enter__()
 
 
 def test_pictures_of_an_earlier_run_go(tmp_path: Path) -> None:
