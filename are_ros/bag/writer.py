@@ -282,7 +282,7 @@ class BagWriter:
         with suppress(OSError):
             self._file.close()
         if not self._is_finished and not self._keeps_partial:
-            with suppress(FileNotFoundError):
+            with suppress(OSError):
                 self._partial.unlink()
 
     def _unwritable(self, cause: OSError) -> BagError:

@@ -221,6 +221,22 @@ def test_what_a_recording_outdates_goes_when_it_appears(
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
 
 
+def test_a_folder_that_goes_meanwhile_is_said(tmp_path: Path, factory: RosbagsFactory) -> None:
+    """It is removed, or a file takes its place."""
+    for number, name in enumerate(("No such file or directory", "Not a directory")):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        writer = BagWriter(folder / "out.mcap").__enter__()
+        writer.add_topic("/map", GRID)
+        writer.write("/map", 1, make_grid(factory, grid(1)))
+        (folder / "out.mcap.part").unlink()
+        folder.rmdir()
+        if number:
+            folder.write_text("")
+        with pytest.raises(BagError, match=rf"out\.mcap cannot be written: {name}"):
+            writer.__exit__(None, None, None)
+
+
 def test_maps_compress_to_almost_nothing(tmp_path: Path, factory: RosbagsFactory) -> None:
     """Forty maps of 120,000 cells take less room than one."""
     write_sample(tmp_path / "out.mcap", factory)
