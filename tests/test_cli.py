@@ -366,6 +366,16 @@ def test_an_early_ctrl_c_prints_no_traceback(module: str, status: int, said: str
     assert (done.returncode, done.stdout, done.stderr) == (status, "", said)
 
 
+def test_a_backend_of_matplotlib_that_is_not_there_is_no_matter(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The environment names it, as a notebook's does."""
+    monkeypatch.setenv("MPLBACKEND", "nonsense")
+    done = run_process("describe", "--plot", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "population.png").is_file()
+
+
 def test_an_output_that_cannot_be_written_is_one_sentence() -> None:
     """As where the result goes to a file, and the disk is full."""
     words = [str(Path(sys.executable).with_name("are")), "inspect", str(SAMPLE)]

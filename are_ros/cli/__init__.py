@@ -51,6 +51,8 @@ def main() -> None:
     """Run `are`; an error is one sentence, with exit status 1, or 2 for wrong usage."""
     interrupts = _noted_interrupts()
     _replace_closed_streams()
+    # Pictures are written without a backend, but matplotlib refuses to be imported with a bad one.
+    os.environ.pop("MPLBACKEND", None)
     try:
         sys.exit(are(standalone_mode=False))
     except AreError as error:
