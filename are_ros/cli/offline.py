@@ -425,11 +425,12 @@ def soak(**options: Any) -> None:
     def move(done_min: float) -> None:
         bar.update(min(done_min, minutes) - bar.n)
 
-    with no_empty_folders(options["out"]), bar:
+    with no_empty_folders(options["out"]):
         prepare_folder(options["out"], RESULTS)
         catalogue = catalogue_of(parameters)
-        result = run(grid, parameters, catalogue, artefact_minutes=minutes, progress=move)
-    write_soak(result, grid, options["out"])
+        with bar:
+            result = run(grid, parameters, catalogue, artefact_minutes=minutes, progress=move)
+        write_soak(result, grid, options["out"])
     for line in result.table():
         click.echo(line)
     say(f"results in {options['out']}")

@@ -26,7 +26,7 @@ from are_ros.fit.results import (
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
 from are_ros.population.mixture_fit import Progress, best_by_bic, fit_by_bic, fit_mixture
-from are_ros.replay.output_folder import all_or_nothing
+from are_ros.replay.output_folder import all_or_nothing, no_empty_folders
 from are_ros.replay.progress import ProgressBar, Say
 from are_ros.replay.results import write_json
 
@@ -109,7 +109,7 @@ def fitted(
 
 def write_outcome(outcome: FitOutcome, folder: Path) -> None:
     """Write fitted.yaml, fit.json and fit.png, all or none; BagError if they cannot be."""
-    with all_or_nothing(folder, RESULTS):
+    with no_empty_folders(folder), all_or_nothing(folder, RESULTS):
         folder.mkdir(parents=True, exist_ok=True)
         (folder / PARAMETERS).write_text(fitted_yaml(outcome), encoding="utf-8")
         write_json(folder / RECORD, record_content(outcome))

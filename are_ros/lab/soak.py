@@ -7,6 +7,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
@@ -388,14 +389,21 @@ _WAY_ALPHA, _ROBOT_ALPHA = 0.55, 0.35
 
 
 def write_soak(result: SoakResult, grid: OccupancyGrid, folder: Path) -> None:
-    """Write numbers and picture into a folder, made if need be; InputError where that fails."""
+    """Write numbers and picture into a folder, made if need be.
+
+    InputError where that fails; then neither is left, of an earlier soak neither.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
         text = json.dumps(result.as_json(), indent=2)
         write_whole(folder / RECORD, f"{text}\n".encode())
         draw_soak(result, grid, folder / PICTURE)
     except OSError as cause:
-        message = f"{folder}: the results cannot be written ({why_refused(cause)})"
+        for name in RESULTS:
+            with suppress(OSError):
+                (folder / name).unlink()
+        reason = why_refused(cause)
+        message = f"{folder}: the results cannot be written ({reason}), none is left"
         raise InputError(message) from cause
 
 

@@ -26,6 +26,7 @@ from are_ros.draw.viewer import MISSING_VISER, ViewedPlace, has_viser, write_vie
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue
+from are_ros.replay.output_folder import no_empty_folders
 from are_ros.replay.progress import KernelBar, ProgressBar, Say
 from are_ros.replay.recorded_scene import RecordedScene, read_recorded_scene
 from are_ros.wording import aligned, section, why_refused
@@ -156,8 +157,9 @@ def _plotted(out: Path, name: str, draw: Callable[[Path], None]) -> Path:
     is_file = out.suffix.lower() == ".png" and not out.is_dir()
     path = out if is_file else out / name
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        draw(path)
+        with no_empty_folders(path.parent):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            draw(path)
     except OSError as cause:
         reason = why_refused(cause)
         raise InputError(f"--plot {out}: {path.name} cannot be written ({reason})") from cause

@@ -1,5 +1,6 @@
 """`are fit` below the shell: which rows can occur, what is written, what is said."""
 
+import errno
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -214,6 +215,20 @@ def test_results_are_written_all_or_none(rows_file: Path, tmp_path: Path) -> Non
     with pytest.raises(BagError, match=r"--out .*rows\.csv: the results cannot be written"):
         run(FitOptions(rows_file, rows_file, components=1))
     assert rows_file.is_file()
+
+
+def test_no_empty_folder_is_left(
+    rows_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where nothing could be written into it, as on a full disk."""
+
+    def fail(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("are_ros.fit.command.draw_fit", fail)
+    with pytest.raises(BagError, match=r"cannot be written \(no space left on device\), none is"):
+        run(FitOptions(rows_file, tmp_path / "new" / "out", components=1))
+    assert not (tmp_path / "new").exists()
 
 
 def test_a_replay_s_rows_are_fitted(sample_replay: Path, tmp_path: Path) -> None:

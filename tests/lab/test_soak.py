@@ -216,6 +216,15 @@ def test_a_report_is_written(tmp_path: Path) -> None:
     assert sorted(p.name for p in (tmp_path / "a" / "b").iterdir()) == ["soak.json", "soak.png"]
 
 
+def test_half_a_report_is_not_left(tmp_path: Path) -> None:
+    """Numbers without their picture, or beside that of an earlier soak."""
+    result = soak(office(), parameters(0.01, **PEOPLE), CATALOGUE, longest_s=5.0)
+    (tmp_path / "soak.png").mkdir()
+    with pytest.raises(InputError, match=r"the results cannot be written .*, none is left"):
+        write_soak(result, office(), tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["soak.png"]
+
+
 def test_the_picture_shows_the_known_part(tmp_path: Path) -> None:
     """Unknown margins are cut off: it is the same as that of the room alone."""
     crowded = soak(room(), parameters(0.05, **PEOPLE), CATALOGUE, longest_s=10.0)

@@ -1,5 +1,6 @@
 """Tests of population.png: it is drawn for every law, and the same again for the same input."""
 
+import errno
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -160,6 +161,22 @@ def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
     reason = r"--plot .*taken.*population\.png cannot be written \(it is a file\)"
     with pytest.raises(InputError, match=reason):
         plot_population(parameters, _catalogue(), Site(), tmp_path / "taken")
+
+
+def test_a_picture_that_cannot_be_written_leaves_no_empty_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on a full disk."""
+
+    def fail(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("are_ros.replay.pictures.draw_population", fail)
+    with pytest.raises(InputError, match=r"cannot be written \(no space left on device\)"):
+        plot_population(
+            with_values(Parameters(), MIXTURE), _catalogue(), Site(), tmp_path / "a" / "b"
+        )
+    assert not (tmp_path / "a").exists()
 
 
 def test_a_png_is_a_file(tmp_path: Path) -> None:
