@@ -326,21 +326,25 @@ class _Part:
     start_ns: int
     stop_ns: int
     count: int
+    state: "_State"
 
     @classmethod
-    def of(cls, path: Path, reader: Any) -> "list[_Part]":
-        """Return the files of an opened recording; BagError for one that cannot be read by time."""
+    def of(cls, path: Path, reader: Any, states: "Mapping[Path, _State]") -> "list[_Part]":
+        """Return the files of an opened recording, with their states before they were opened.
+
+        BagError for one that cannot be read by time.
+        """
         storage = getattr(reader, "storage", None)
         if storage is None or not hasattr(storage, "storages"):
             times = int(reader.start_time), int(reader.end_time)
             _check_topics(path, reader, times)
-            return [cls(path, reader, *times, reader.message_count)]
+            return [cls(path, reader, *times, reader.message_count, states.get(path, ()))]
         parts = []
         for file in {Path(file.path).name: file for file in storage.storages}.values():
             name, data = path / Path(file.path).name, file.metadata
             times = int(data.start_time), int(data.end_time)
             _check_topics(name, file, times)
-            parts.append(cls(name, file, *times, data.message_count))
+            parts.append(cls(name, file, *times, data.message_count, states.get(name, ())))
         return parts
 
     def messages(
@@ -351,7 +355,7 @@ class _Part:
         if not wanted:
             return
         read = 0
-        with as_bag_errors(str(self.path)):
+        with as_bag_errors(str(self.path)), _unwritten({self.path: self.state}):
             for connection, log_time_ns, data in self.reader.messages(wanted, start_ns, stop_ns):
                 read += 1
                 plain = self._plain(data)
@@ -368,7 +372,7 @@ class _Part:
             yield from self.messages(topics, None, None)
             return
         wanted = {one.id: one for one in self.reader.connections if one.topic in topics}
-        with as_bag_errors(str(self.path)):
+        with as_bag_errors(str(self.path)), _unwritten({self.path: self.state}):
             names = {number: one.topic for number, one in wanted.items()}
             for number, log_time_ns, data in messages_in_file_order(file, names):
                 plain = self._plain(data)
@@ -387,8 +391,44 @@ class _Part:
 
     def jump_back(self, topics: Collection[str], start_ns: int, stop_ns: int) -> JumpBack | None:
         """Return where the log times of topics jump back in the file, None where nowhere."""
-        with as_bag_errors(str(self.path)):
+        with as_bag_errors(str(self.path)), _unwritten({self.path: self.state}):
             return jump_back(Path(self.reader.path), self.reader, topics, start_ns, stop_ns)
+
+
+_State = tuple[int, ...]
+
+
+@contextmanager
+def _unwritten(states: Mapping[Path, _State]) -> Iterator[None]:
+    """Raise BagError where a file was written to meanwhile, rather than what came of it."""
+    try:
+        yield
+    except Exception:
+        _check_unwritten(states)
+        raise
+    _check_unwritten(states)
+
+
+def _check_unwritten(states: Mapping[Path, _State]) -> None:
+    for path, earlier in states.items():
+        now = _state_of(path)
+        if now != earlier and now[:1] == earlier[:1]:  # else another file is there by now
+            raise BagError(
+                f"{path}: it was written to while it was read (a recorder, or a copy that is under"
+                " way): wait for its end"
+            )
+
+
+def _state_of(path: Path) -> _State:
+    """Return which file is at a path, its size and when it was written; empty where there is none.
+
+    As where rosbags reads a copy of a compressed one.
+    """
+    try:
+        state = path.stat()
+    except FileNotFoundError:
+        return ()
+    return state.st_ino, state.st_size, state.st_mtime_ns
 
 
 _JOURNAL = b"\xd9\xd5\x05\xf9"
@@ -523,10 +563,13 @@ class BagReader:
             for path in self._paths:
                 with as_bag_errors(str(path)):
                     _check_complete(path)
+                    files = _recordings_in(path) if path.is_dir() else [path]
+                    states = {file: _state_of(file) for file in files}
                     reader: Any = Ros1Reader(path) if self.is_ros1 else Ros2Reader(_UriPath(path))
-                    reader.open()
+                    with _unwritten(states):
+                        reader.open()
                 stack.callback(reader.close)
-                self._parts += _Part.of(path, reader)
+                self._parts += _Part.of(path, reader, states)
             if not any(part.count for part in self._parts):
                 names = ", ".join(path.name for path in self._paths)
                 raise BagError(f"{names}: the recording holds no message")

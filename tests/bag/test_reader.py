@@ -285,6 +285,29 @@ def test_a_database_in_the_midst_of_a_transaction_is_refused(
             BagReader([path]).__enter__()
 
 
+@pytest.mark.parametrize("suffix", KINDS)
+def test_a_file_that_is_written_to_while_it_is_read_is_said(
+    tmp_path: Path, write_bag: WriteBag, words: list[tuple[str, int, Any]], suffix: str
+) -> None:
+    """A recorder or a copy is at work; one that was replaced as a whole is read as it was."""
+    file = write_bag(tmp_path / f"bag{suffix}", words)
+    said = rf"bag\{suffix}: it was written to while it was read"
+    with BagReader([file]) as reader:
+        messages = reader.messages(start_ns=0, stop_ns=100)
+        assert next(messages).log_time_ns == 10
+        with file.open("ab") as end:
+            end.write(b"more")
+        with pytest.raises(BagError, match=said):
+            list(messages)
+        with pytest.raises(BagError, match=said):
+            reader.jump_back(["/a"], 0, 100)
+    file = write_bag(tmp_path / f"other{suffix}", words)
+    with BagReader([file]) as reader:
+        (tmp_path / "new").write_bytes(b"new")
+        (tmp_path / "new").rename(file)
+        assert len(list(reader.messages())) == 4
+
+
 def test_a_database_all_of_which_is_in_the_file_beside_it_is_no_damaged_one(
     tmp_path: Path,
 ) -> None:
