@@ -403,7 +403,8 @@ def write_soak(result: SoakResult, grid: OccupancyGrid, folder: Path) -> None:
             with suppress(OSError):
                 (folder / name).unlink()
         reason = why_refused(cause)
-        message = f"{folder}: the results cannot be written ({reason}), none is left"
+        rest = "" if any((folder / name).is_file() for name in RESULTS) else ", none is left"
+        message = f"{folder}: the results cannot be written ({reason}){rest}"
         raise InputError(message) from cause
 
 

@@ -141,14 +141,20 @@ def animation_path(wanted: Path, folder: Path) -> Path:
 
 @contextmanager
 def all_or_nothing(folder: Path, results: Sequence[str] = RESULTS) -> Iterator[None]:
-    """Turn an OSError of a write into a BagError, and remove all results."""
+    """Turn an OSError of a write into a BagError, and remove all results, or tell which stay."""
     try:
         yield
     except OSError as cause:
-        for name in results:
-            with suppress(OSError):
-                (folder / name).unlink()
-        message = (
-            f"--out {folder}: the results cannot be written ({why_refused(cause)}), none is left"
-        )
+        left = _left_of(folder, results)
+        rest = f"and {listed(left)} cannot be removed" if left else "none is left"
+        reason = why_refused(cause)
+        message = f"--out {folder}: the results cannot be written ({reason}), {rest}"
         raise BagError(message) from cause
+
+
+def _left_of(folder: Path, results: Sequence[str]) -> list[str]:
+    """Remove files of a folder, and return the names of those that stay."""
+    for name in results:
+        with suppress(OSError):
+            (folder / name).unlink()
+    return [name for name in results if (folder / name).is_file()]

@@ -1,5 +1,6 @@
 """The folder of a replay's results."""
 
+import errno
 import os
 from pathlib import Path
 
@@ -124,6 +125,19 @@ def test_half_a_set_is_no_set(tmp_path: Path) -> None:
     with pytest.raises(BagError, match=said), all_or_nothing(tmp_path):
         raise full
     assert [file.name for file in tmp_path.iterdir()] == ["notes.txt"]
+
+
+def test_results_that_stay_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where the disk has become one that can only be read, which it does after an error."""
+
+    def fail(*_: object, **__: object) -> None:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    (tmp_path / "metrics.json").write_text("{}")
+    monkeypatch.setattr(Path, "unlink", fail)
+    said = r"\(read-only file system\), and metrics\.json cannot be removed$"
+    with pytest.raises(BagError, match=said), all_or_nothing(tmp_path):
+        fail()
 
 
 def test_other_errors_pass(tmp_path: Path) -> None:
