@@ -47,9 +47,9 @@ def listed(words: Sequence[str]) -> str:
 
 
 def listed_files(names: Sequence[str]) -> str:
-    """Return names of files as a list; of many, the first two and the last, with their number."""
+    """Return names of files with commas; of many, the first two and the last, with their number."""
     if len(names) <= _MOST_FILES:
-        return listed(names)
+        return ", ".join(names)
     return f"{', '.join(names[:2])} ... {names[-1]} ({len(names)} files)"
 
 
