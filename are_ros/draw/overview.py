@@ -228,7 +228,7 @@ def subtitle_of(record: SceneRecord, without_id: int, ids_as_in: str) -> list[st
         f"robot drove {driven_m:.1f} m" if len(record.robot) else "no pose of the robot",
         f"{counted(blocked, 'arrival')} blocked" if blocked else "",
         f"seed {record.seed}",
-        "artefacts as they were last" if record.lives else "",
+        "each artefact where it was last" if record.lives else "",
         ids if record.lives else "",
     ]
 

@@ -31,7 +31,6 @@ from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue, MotionLimits
 from are_ros.population.randomness import Purpose, generator
-from are_ros.whole_file import write_whole
 from are_ros.wording import counted, why_refused
 from are_ros.world.environment import Environment
 from are_ros.world.occupancy_grid import OccupancyGrid
@@ -396,7 +395,7 @@ def write_soak(result: SoakResult, grid: OccupancyGrid, folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         text = json.dumps(result.as_json(), indent=2)
-        write_whole(folder / RECORD, f"{text}\n".encode())
+        (folder / RECORD).write_text(text + "\n", encoding="utf-8")
         draw_soak(result, grid, folder / PICTURE)
     except OSError as cause:
         for name in RESULTS:

@@ -29,7 +29,7 @@ from are_ros.parameters.ros_yaml import write_ros_parameters
 from are_ros.record.player import PlayOutcome, play
 from are_ros.record.publishers import PlayOptions
 from are_ros.record.recorder import NODE_NAME
-from are_ros.replay.output_folder import ANIMATION, AUGMENTED, RESULTS, remove_earlier
+from are_ros.replay.output_folder import AUGMENTED, earlier_results
 from are_ros.replay.progress import Progress
 from are_ros.wording import why_refused
 
@@ -107,7 +107,8 @@ def _prepare(options: DemoOptions) -> None:
     try:
         options.out.mkdir(parents=True, exist_ok=True)
         # beside the metrics of a replay a recording counts as a replay's
-        remove_earlier(options.out, (*RESULTS, ANIMATION))
+        for path in earlier_results(options.out):
+            path.unlink(missing_ok=True)
         text = write_ros_parameters(parameters)
         (options.out / "effective.yaml").write_text(text, encoding="utf-8")
     except OSError as cause:

@@ -42,7 +42,6 @@ from are_ros.replay.output_folder import (
     animation_path,
     earlier_exports,
     no_empty_folders,
-    remove_earlier,
 )
 from are_ros.replay.pictures import (
     DECISIONS,
@@ -156,7 +155,6 @@ def _replayed_into(out: Path, replay: ReplayOptions, film: Path | None, say: Say
     with ProgressBar() as bar:
         outcome = run_replay(replay, say, bar.open)
     with all_or_nothing(out):
-        remove_earlier(out)
         write_results(outcome, out)
     is_filmed = True
     try:

@@ -65,17 +65,10 @@ def no_empty_folders(*folders: Path) -> Iterator[None]:
         raise
 
 
-def remove_earlier(folder: Path, names: Sequence[str] = (VIEW, ANIMATION)) -> None:
-    """Remove results of an earlier run which this one may not write anew. Raises OSError."""
-    for name in names:
-        if not (folder / name).is_dir():
-            (folder / name).unlink(missing_ok=True)
-
-
-def outdated_by_recording(folder: Path) -> list[Path]:
-    """Return the results of an earlier run, which do not belong to a new recording there."""
-    names = [name for name in (*RESULTS, ANIMATION) if name != AUGMENTED]
-    return [folder / name for name in names if not (folder / name).is_dir()]
+def earlier_results(folder: Path) -> list[Path]:
+    """Return where results of an earlier run may lie: none of them belongs to a new recording."""
+    paths = [folder / name for name in (*RESULTS, ANIMATION)]
+    return [path for path in paths if not path.is_dir()]
 
 
 def earlier_exports(folder: Path) -> list[str]:
@@ -86,7 +79,8 @@ def earlier_exports(folder: Path) -> list[str]:
     written_ns = (folder / AUGMENTED).stat().st_mtime_ns
     files = [file for file in folder.iterdir() if file.suffix in _EXPORTS]
     names = sorted(file.name for file in files if file.lstat().st_mtime_ns < written_ns)
-    return [f"of an earlier run, in the same folder: {listed(names)}"] if names else []
+    verb = "is" if len(names) == 1 else "are"
+    return [f"{listed(names)} in that folder {verb} of an earlier run"] if names else []
 
 
 def prepare_scenario(path: Path) -> None:

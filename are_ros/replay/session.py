@@ -44,7 +44,7 @@ from are_ros.population.catalogue import Catalogue
 from are_ros.replay.listeners import SHARE, InputCopy, RecordKeeper, StandingWatch, TickWriter
 from are_ros.replay.output_folder import (
     AUGMENTED,
-    outdated_by_recording,
+    earlier_results,
     prepare_folder,
     prepare_scenario,
 )
@@ -329,7 +329,7 @@ def _open_writers(
         return (), dict
     skipped = skipped_parts(options.demand)
     notes = {SKIPPED: " ".join(skipped)} if skipped else None
-    outdated = outdated_by_recording(options.out)
+    outdated = earlier_results(options.out)
     file = BagWriter(options.out / AUGMENTED, notes=notes, outdates=outdated)
     writer = stack.enter_context(file)
     outputs = TickWriter(writer, replay.role_of_topic, options.parameters, options.demand)

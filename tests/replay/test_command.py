@@ -274,7 +274,7 @@ def test_an_animation_is_in_the_time_that_is_said(
     said = done.stderr
     assert f"{sum(phases.values()):.1f} s with start-up, picture, view and animation" in said
     assert said.index("results in") < said.index("animation: ")
-    assert said.endswith("of an earlier run, in the same folder: scene.glb\n")
+    assert said.endswith("scene.glb in that folder is of an earlier run\n")
     assert (out / "scene.glb").is_file()
 
 

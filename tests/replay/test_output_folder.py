@@ -12,11 +12,11 @@ from are_ros.replay.output_folder import (
     all_or_nothing,
     alone_in,
     earlier_exports,
+    earlier_results,
     no_empty_folders,
     picture_beside,
     prepare_folder,
     prepare_scenario,
-    remove_earlier,
 )
 
 
@@ -91,16 +91,11 @@ def test_two_replays_into_one_folder_are_told(tmp_path: Path) -> None:
         alone_in(tmp_path / "file").__enter__()
 
 
-def test_pictures_of_an_earlier_run_go(tmp_path: Path) -> None:
-    """Those that not every run writes; a folder of such a name is somebody's own."""
-    for name in ("view.html", "film.gif", "run_view.html"):
-        (tmp_path / name).write_text("")
-    (tmp_path / "animation.gif").symlink_to("film.gif")
-    remove_earlier(tmp_path)
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["film.gif", "run_view.html"]
+def test_pictures_of_an_earlier_run_are_outdated(tmp_path: Path) -> None:
+    """Those that not every run writes, too; a folder of such a name is somebody's own."""
+    assert {"view.html", "animation.gif"} <= {path.name for path in earlier_results(tmp_path)}
     (tmp_path / "animation.gif").mkdir()
-    remove_earlier(tmp_path)
-    assert (tmp_path / "animation.gif").is_dir()
+    assert "animation.gif" not in {path.name for path in earlier_results(tmp_path)}
 
 
 def test_what_the_user_named_is_kept_and_told(tmp_path: Path) -> None:
@@ -110,7 +105,7 @@ def test_what_the_user_named_is_kept_and_told(tmp_path: Path) -> None:
     ):
         (tmp_path / name).write_text("")
         os.utime(tmp_path / name, ns=(number, number))
-    said = "of an earlier run, in the same folder: film.gif and scene.glb"
+    said = "film.gif and scene.glb in that folder are of an earlier run"
     assert earlier_exports(tmp_path) == [said]
     os.utime(tmp_path / "augmented.mcap", ns=(0, 0))
     assert earlier_exports(tmp_path) == []
