@@ -45,6 +45,7 @@ Say = Callable[[str], None]
 _NODE: Final = "ar_builder"
 _INPUTS: Final = ("map", "octomap_point_cloud_centers", "camera/camera_info", "odom")
 _PATIENCE_S: Final = 60.0
+_ATTEMPTS: Final = 6
 _ANSWER_S: Final = 5.0
 """For an answer while somebody looks at the scene, which stands still meanwhile."""
 _SILENCE_S: Final = 3.0
@@ -114,8 +115,12 @@ class RemoteNode:
         """Return the full name of a topic in the node's namespace."""
         return name if name.startswith("/") else f"{self.namespace}/{name}"
 
-    def ask(self, service: str, type_name: str, **fields: Any) -> Any:
-        """Return the answer of one of the node's services. Raises NodeError if none comes."""
+    def ask(self, service: str, type_name: str, *, attempts: int = _ATTEMPTS, **fields: Any) -> Any:
+        """Return the answer of one of the node's services. Raises NodeError if none comes.
+
+        An answer can be lost: a node may give it before its middleware knows who asks. So there are
+        several `attempts`, which share the patience; one where asking twice is another matter.
+        """
         if service not in self._clients:
             kind = service_class(type_name)
             self._clients[service] = self.node.create_client(kind, f"{self.name}/{service}")
@@ -123,15 +128,17 @@ class RemoteNode:
         request = client.srv_type.Request()
         for name, value in fields.items():
             setattr(request, name, value)
-        if not self._awaited(client.service_is_ready):
+        if not self._awaited(client.service_is_ready, self.patience_s):
             raise NodeError(
                 f"{self.name}/{service} is not there: `are node` starts the node, and ROS_DOMAIN_ID"
                 f" has to be the same here{self._others()}"
             )
-        future = client.call_async(request)
-        if not self._awaited(future.done):
-            raise NodeError(f"{self.name}/{service} does not answer")
-        return future.result()
+        for _ in range(attempts):
+            future = client.call_async(request)
+            if self._awaited(future.done, self.patience_s / attempts):
+                return future.result()
+            client.remove_pending_request(future)
+        raise NodeError(f"{self.name}/{service} does not answer")
 
     def _others(self) -> str:
         """Return what to add where nodes of this name run in other namespaces."""
@@ -143,7 +150,8 @@ class RemoteNode:
     def parameters(self) -> Parameters:
         """Return the current parameters of the node."""
         paths = [item.path for item in describe(Parameters())]
-        answer = self.ask("get_parameters", "rcl_interfaces/srv/GetParameters", names=paths)
+        kind = "rcl_interfaces/srv/GetParameters"
+        answer = self.ask("get_parameters", kind, names=paths)
         values = map(parameter_value_to_python, answer.values)
         known = {p: v for p, v in zip(paths, values, strict=False) if v is not None}
         return with_values(Parameters(), known)
@@ -155,9 +163,9 @@ class RemoteNode:
         result = self.ask("set_parameters", kind, parameters=[message]).results[0]
         return "" if result.successful else str(result.reason)
 
-    def _awaited(self, is_done: Callable[[], bool]) -> bool:
-        """Spin until a condition holds or patience ends; return whether it holds."""
-        end_s = time.monotonic() + self.patience_s
+    def _awaited(self, is_done: Callable[[], bool], patience_s: float) -> bool:
+        """Spin until a condition holds or a time [s] is over; return whether it holds."""
+        end_s = time.monotonic() + patience_s
         while not is_done() and not self._should_stop() and time.monotonic() < end_s:
             self._executor.spin_once(timeout_sec=0.05)
         return is_done()
@@ -407,7 +415,7 @@ class LiveView:
         pose.pose.orientation.w = 1.0
         label = "" if self._label.value == "any" else self._label.value
         kind = "are_msgs/srv/SpawnArtefact"
-        answer = self._remote.ask("spawn", kind, pose=pose, label=label)
+        answer = self._remote.ask("spawn", kind, attempts=1, pose=pose, label=label)
         return str(answer.message)
 
 

@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import count
 from types import SimpleNamespace
 
 import pytest
@@ -116,6 +117,30 @@ def test_a_robot_may_have_a_namespace_and_its_transforms_there(ros_available: No
                 looking(),
             ):
                 pass
+
+
+def test_a_lost_answer_is_asked_for_again() -> None:
+    """But not where to ask twice is to act twice."""
+    calls = count(1)
+
+    def call(_: object) -> SimpleNamespace:
+        number = next(calls)
+        return SimpleNamespace(done=lambda: number > 1, result=lambda: number)
+
+    client = SimpleNamespace(
+        srv_type=SimpleNamespace(Request=SimpleNamespace),
+        service_is_ready=lambda: True,
+        call_async=call,
+        remove_pending_request=lambda _: None,
+    )
+    node = SimpleNamespace(create_client=lambda *_: client)
+    executor = SimpleNamespace(spin_once=lambda timeout_sec: time.sleep(0.5 * timeout_sec))
+    remote = RemoteNode(node, executor, "", lambda: False)
+    remote.patience_s = 0.3
+    with pytest.raises(NodeError, match="/ar_builder/pause does not answer"):
+        remote.ask("pause", "std_srvs/srv/SetBool", attempts=1, data=True)
+    calls = count(1)
+    assert remote.ask("pause", "std_srvs/srv/SetBool", data=True) == 2
 
 
 def test_sliders_have_room_for_a_hand() -> None:
