@@ -174,13 +174,11 @@ _RESULT = "augmented.mcap"
 def check_paths(paths: Sequence[Path]) -> bool:
     """Return whether these are recordings of ROS 1 (else of ROS 2).
 
-    BagError if there is none, one does not exist, is no recording or is given twice, or if they
-    are mixed.
+    BagError if there is none, one does not exist or is no recording, or if they are mixed.
     """
     if not paths:
         raise BagError("no recording was given")
     kinds = {_is_ros1(path) for path in paths}
-    _check_once(paths)
     if len(kinds) > 1:
         raise BagError("recordings of ROS 1 and of ROS 2 cannot be read together")
     return kinds.pop()
@@ -216,16 +214,6 @@ def _is_ros1(path: Path) -> bool:
         message = f"{path}: it is no recording; give a rosbag2 folder, an .mcap, .db3 or .bag file"
         raise BagError(message)
     return path.suffix == ".bag"
-
-
-def _check_once(paths: Sequence[Path]) -> None:
-    """Refuse a recording that is given twice, as a folder or as the file in it."""
-    seen: dict[Path, Path] = {}
-    for path in paths:
-        for file in _recordings_in(path) if path.is_dir() else [path]:
-            if file.resolve() in seen:
-                raise BagError(f"{path}: this recording is given twice")
-            seen[file.resolve()] = path
 
 
 def _check_folder(path: Path) -> None:
@@ -435,20 +423,30 @@ _JOURNAL = b"\xd9\xd5\x05\xf9"
 """So begins a journal that is still needed."""
 
 
+def _check_once(path: Path, parts: Sequence[_Part], earlier: Sequence[_Part]) -> None:
+    """Refuse a recording that is given twice, as a folder or as a file that it reads."""
+    seen = {part.path.resolve() for part in earlier}
+    if any(part.path.resolve() in seen for part in parts):
+        raise BagError(f"{path}: this recording is given twice")
+
+
 def _check_complete(path: Path) -> None:
     """Refuse databases that are read rightly only together with a file beside them."""
     for file in _recordings_in(path) if path.is_dir() else [path]:
         if file.suffix != ".db3":
             continue
-        if _first_bytes(rest := file.with_name(f"{file.name}-wal")):
+        database = file.resolve()  # as SQLite writes beside the file itself, not beside a link
+        if _first_bytes(rest := database.with_name(f"{database.name}-wal")):
             raise BagError(
                 f"{file}: the last messages are in {rest.name} still (the recorder runs, or was"
-                f" killed); `sqlite3 {file.name} 'PRAGMA wal_checkpoint(TRUNCATE)'` moves them"
+                f" killed); `sqlite3 {database.name} 'PRAGMA wal_checkpoint(TRUNCATE)'` moves them"
             )
-        if _first_bytes(rest := file.with_name(f"{file.name}-journal")) == _JOURNAL:
+        rest = database.with_name(f"{database.name}-journal")
+        if _first_bytes(rest) == _JOURNAL:
             raise BagError(
                 f"{file}: the last messages were not written to their end, as {rest.name} tells"
-                f" (the recorder runs, or was killed); `sqlite3 {file.name} .tables` undoes them"
+                f" (the recorder runs, or was killed); `sqlite3 {database.name} .tables` undoes"
+                " them"
             )
 
 
@@ -569,7 +567,9 @@ class BagReader:
                     with _unwritten(states):
                         reader.open()
                 stack.callback(reader.close)
-                self._parts += _Part.of(path, reader, states)
+                parts = _Part.of(path, reader, states)
+                _check_once(path, parts, self._parts)
+                self._parts += parts
             if not any(part.count for part in self._parts):
                 names = ", ".join(path.name for path in self._paths)
                 raise BagError(f"{names}: the recording holds no message")

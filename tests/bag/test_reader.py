@@ -131,6 +131,8 @@ def test_compressed_recordings_are_read(tmp_path: Path, words: list[tuple[str, i
             connection = writer.add_connection("/a", STRING, typestore=store)
             for _, at, message in words:
                 writer.write(connection, at, store.serialize_cdr(message, STRING))
+        with pytest.raises(BagError, match="this recording is given twice"):
+            BagReader([folder, folder]).__enter__()
         alone = folder.glob("*.db3") if mode is CompressionMode.MESSAGE else ()
         for path in (folder, *alone):
             with BagReader([path]) as reader:
@@ -270,6 +272,18 @@ def test_a_database_that_is_not_complete_is_refused(
             BagReader([path]).__enter__()
 
 
+@pytest.mark.parametrize("rest", ["wal", "journal"])
+def test_a_link_to_a_database_that_is_not_complete_is_refused(
+    tmp_path: Path, write_bag: WriteBag, words: list[tuple[str, int, Any]], rest: str
+) -> None:
+    """What is missing lies beside the database itself, not beside the link."""
+    file = write_bag(tmp_path / "bag.db3", words)
+    (link := tmp_path / "link.db3").symlink_to(file)
+    Path(f"{file}-{rest}").write_bytes(b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7")
+    with pytest.raises(BagError, match=rf"link\.db3: .* bag\.db3-{rest} .* `sqlite3 bag\.db3 "):
+        BagReader([link]).__enter__()
+
+
 def test_a_database_in_the_midst_of_a_transaction_is_refused(
     tmp_path: Path, write_bag: WriteBag, words: list[tuple[str, int, Any]]
 ) -> None:
@@ -349,6 +363,11 @@ def test_files_that_the_metadata_do_not_name_are_told(in_two_files: Path) -> Non
         assert said.startswith(f"{in_two_files}: its metadata.yaml does not name {late}, left out")
     with BagReader([in_two_files / names[0]]) as reader:
         assert reader.unnamed == []
+    with BagReader([in_two_files, in_two_files / late]) as reader:
+        assert reader.unnamed == []
+        assert len(texts(reader)) == 6
+    with pytest.raises(BagError, match=f"{names[0]}: this recording is given twice"):
+        BagReader([in_two_files, in_two_files / names[0]]).__enter__()
 
 
 def write_mcap(path: Path, times: list[int], **options: Any) -> Path:
