@@ -119,7 +119,8 @@ class RemoteNode:
         """Return the answer of one of the node's services. Raises NodeError if none comes.
 
         An answer can be lost: a node may give it before its middleware knows who asks. So there are
-        several `attempts`, which share the patience; one where asking twice is another matter.
+        several `attempts`, which share the patience; one where asking twice is another matter. An
+        answer may also be late: that to an earlier attempt counts as well.
         """
         if service not in self._clients:
             kind = service_class(type_name)
@@ -133,11 +134,17 @@ class RemoteNode:
                 f"{self.name}/{service} is not there: `are node` starts the node, and ROS_DOMAIN_ID"
                 f" has to be the same here{self._others()}"
             )
-        for _ in range(attempts):
-            future = client.call_async(request)
-            if self._awaited(future.done, self.patience_s / attempts):
-                return future.result()
-            client.remove_pending_request(future)
+        asked = list[Any]()
+        try:
+            for _ in range(attempts):
+                asked.append(client.call_async(request))
+                self._awaited(lambda: any(one.done() for one in asked), self.patience_s / attempts)
+                for one in asked:
+                    if one.done():
+                        return one.result()
+        finally:
+            for one in asked:
+                client.remove_pending_request(one)
         raise NodeError(f"{self.name}/{service} does not answer")
 
     def _others(self) -> str:

@@ -143,6 +143,27 @@ def test_a_lost_answer_is_asked_for_again() -> None:
     assert remote.ask("pause", "std_srvs/srv/SetBool", data=True) == 2
 
 
+def test_a_late_answer_is_taken() -> None:
+    """A busy node takes longer than an attempt, for each: it answers one after the other."""
+    takes_s, free_s = 0.2, [0.0]
+
+    def call(_: object) -> SimpleNamespace:
+        free_s[0] = answered_s = max(free_s[0], time.monotonic()) + takes_s
+        return SimpleNamespace(done=lambda: time.monotonic() > answered_s, result=lambda: "late")
+
+    client = SimpleNamespace(
+        srv_type=SimpleNamespace(Request=SimpleNamespace),
+        service_is_ready=lambda: True,
+        call_async=call,
+        remove_pending_request=lambda _: None,
+    )
+    node = SimpleNamespace(create_client=lambda *_: client)
+    executor = SimpleNamespace(spin_once=lambda timeout_sec: time.sleep(0.1 * timeout_sec))
+    remote = RemoteNode(node, executor, "", lambda: False)
+    remote.patience_s = 0.9
+    assert remote.ask("pause", "std_srvs/srv/SetBool", data=True) == "late"
+
+
 def test_sliders_have_room_for_a_hand() -> None:
     """Within the bounds of the declaration, and around the value: not from 0 to ten millions."""
     items = [i for i in describe(Parameters()) if i.live and type(i.default) in {int, float}]
