@@ -131,6 +131,7 @@ class BagWriter:
         self._channels: dict[str, _Channel] = {}
         self._schemas: dict[str, int] = {}
         self._file: BufferedWriter
+        self._locked: int
         self._writer: Writer
         self._batch: list[_Message] = []
         self._batch_bytes = 0
@@ -140,6 +141,7 @@ class BagWriter:
     def __enter__(self) -> "BagWriter":  # noqa: PYI034 (Self came with Python 3.11)
         try:
             self._file = _opened_alone(self._partial)
+            self._locked = os.dup(self._file.fileno())  # until the file has its name, or is removed
         except BlockingIOError as cause:
             raise BagError(f"{self._path} cannot be written: another process writes it") from cause
         except OSError as cause:
@@ -277,13 +279,14 @@ class BagWriter:
             raise self._unwritable(cause) from cause
 
     def _close(self) -> None:
-        """Close the file, also on a full disk."""
+        """Close the file, also on a full disk; then others may write one of its name."""
         self._thread.shutdown(cancel_futures=True)
         with suppress(OSError):
             self._file.close()
         if not self._is_finished and not self._keeps_partial:
             with suppress(OSError):
                 self._partial.unlink()
+        os.close(self._locked)
 
     def _unwritable(self, cause: OSError) -> BagError:
         return BagError(f"{self._path} cannot be written: {cause.strerror}")

@@ -3,8 +3,9 @@
 import resource
 import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -200,6 +201,30 @@ def test_a_file_that_another_process_writes_is_left_alone(
         assert len(list(reader.messages())) == 1
     write_sample(path, factory)
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_no_other_process_has_the_file_until_it_is_named_or_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, fails: bool
+) -> None:
+    """Else the other one would empty what is about to get its name, or lose its own file."""
+    path = tmp_path / "out.mcap"
+    name = "unlink" if fails else "replace"
+    act = getattr(Path, name)
+
+    def meanwhile(*arguments: Path, **options: bool) -> Any:
+        monkeypatch.setattr(Path, name, act)
+        with pytest.raises(BagError, match="another process writes it"):
+            BagWriter(path).__enter__()
+        return act(*arguments, **options)
+
+    monkeypatch.setattr(Path, name, meanwhile)
+    with suppress(RuntimeError), BagWriter(path) as writer:
+        writer.add_topic("/map", GRID)
+        if fails:
+            raise RuntimeError
+    assert getattr(Path, name) is act, "it was called"
+    assert [file.name for file in tmp_path.iterdir()] == ([] if fails else [path.name])
 
 
 def test_what_a_recording_outdates_goes_when_it_appears(
