@@ -67,7 +67,8 @@ class RangeReading:
         """
         if self.range_m == -math.inf or 0.0 < self.range_m < self.min_range_m:
             return self
-        is_return = self.range_m > 0.0 and self.min_range_m <= self.range_m <= self.max_range_m
+        is_measured = self.min_range_m <= self.range_m <= self.max_range_m
+        is_return = is_measured and 0.0 < self.range_m < math.inf
         rays = _rays_in_cone(self.field_of_view_rad)
         hits = obstacles.first_hits(map_from_sensor, rays, self.max_range_m).astype(np.float32)
         seen = np.flatnonzero(hits < (self.range_m if is_return else np.inf))

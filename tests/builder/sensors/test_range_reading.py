@@ -105,6 +105,9 @@ def test_a_wall_hides_where_nothing_came_back() -> None:
     assert reading(INF).augmented(HERE, behind).range_m == INF
     assert reading(6.0).augmented(HERE, behind).range_m == 3.5
     assert reading(INF).augmented(HERE, among(box(1.5), surface)).range_m == 1.0
+    endless = RangeReading("sonar", 7, 0, 0.4, 0.5, INF, INF, 0.0).checked()
+    assert endless.augmented(HERE, behind).range_m == INF, "an infinite range is no return"
+    assert endless.augmented(HERE, among(box(1.5), surface)).range_m == 1.0
 
 
 @pytest.mark.parametrize(
