@@ -90,7 +90,8 @@ def sentence_of(error: Exception) -> str:
     """Return a plain description of an error, without a full stop."""
     text = " ".join(" ".join(str(part) for part in error.args).split()).rstrip(".")
     if "files are missing" in text:
-        names = listed_files([Path(name).name for name in re.findall(r"'([^']+)'", text)])
+        paths = re.findall(r"'([^']+)'|\"([^\"]+)\"", text)  # so is a name that has a '
+        names = listed_files([Path(one or other).name for one, other in paths])
         return f"files that its metadata.yaml names are missing: {names}; give those there are"
     for part, sentence in _SENTENCES:
         if part in text:
@@ -324,12 +325,14 @@ class _Part:
         """
         storage = getattr(reader, "storage", None)
         if storage is None or not hasattr(storage, "storages"):
+            _check_complete(path)
             times = int(reader.start_time), int(reader.end_time)
             _check_topics(path, reader, times)
             return [cls(path, reader, *times, reader.message_count, states.get(path, ()))]
         parts = []
         for file in {Path(file.path).name: file for file in storage.storages}.values():
             name, data = path / Path(file.path).name, file.metadata
+            _check_complete(name)
             times = int(data.start_time), int(data.end_time)
             _check_topics(name, file, times)
             parts.append(cls(name, file, *times, data.message_count, states.get(name, ())))
@@ -431,23 +434,20 @@ def _check_once(path: Path, parts: Sequence[_Part], earlier: Sequence[_Part]) ->
 
 
 def _check_complete(path: Path) -> None:
-    """Refuse databases that are read rightly only together with a file beside them."""
-    for file in _recordings_in(path) if path.is_dir() else [path]:
-        if file.suffix != ".db3":
-            continue
-        database = file.resolve()  # as SQLite writes beside the file itself, not beside a link
-        if _first_bytes(rest := database.with_name(f"{database.name}-wal")):
-            raise BagError(
-                f"{file}: the last messages are in {rest.name} still (the recorder runs, or was"
-                f" killed); `sqlite3 {database.name} 'PRAGMA wal_checkpoint(TRUNCATE)'` moves them"
-            )
-        rest = database.with_name(f"{database.name}-journal")
-        if _first_bytes(rest) == _JOURNAL:
-            raise BagError(
-                f"{file}: the last messages were not written to their end, as {rest.name} tells"
-                f" (the recorder runs, or was killed); `sqlite3 {database.name} .tables` undoes"
-                " them"
-            )
+    """Refuse a database that is read rightly only together with a file beside it."""
+    if path.suffix != ".db3":
+        return
+    database = path.resolve()  # as SQLite writes beside the file itself, not beside a link
+    if _first_bytes(rest := database.with_name(f"{database.name}-wal")):
+        raise BagError(
+            f"{path}: the last messages are in {rest.name} still (the recorder runs, or was"
+            f" killed); `sqlite3 {database.name} 'PRAGMA wal_checkpoint(TRUNCATE)'` moves them"
+        )
+    if _first_bytes(rest := database.with_name(f"{database.name}-journal")) == _JOURNAL:
+        raise BagError(
+            f"{path}: the last messages were not written to their end, as {rest.name} tells"
+            f" (the recorder runs, or was killed); `sqlite3 {database.name} .tables` undoes them"
+        )
 
 
 def _first_bytes(path: Path) -> bytes:
@@ -560,12 +560,16 @@ class BagReader:
         with ExitStack() as stack:
             for path in self._paths:
                 with as_bag_errors(str(path)):
-                    _check_complete(path)
                     files = _recordings_in(path) if path.is_dir() else [path]
                     states = {file: _state_of(file) for file in files}
                     reader: Any = Ros1Reader(path) if self.is_ros1 else Ros2Reader(_UriPath(path))
-                    with _unwritten(states):
-                        reader.open()
+                    try:
+                        with _unwritten(states):
+                            reader.open()
+                    except Exception:
+                        for file in files:  # one that is not complete may be what cannot be opened
+                            _check_complete(file)
+                        raise
                 stack.callback(reader.close)
                 parts = _Part.of(path, reader, states)
                 _check_once(path, parts, self._parts)

@@ -358,6 +358,7 @@ def test_files_that_the_metadata_do_not_name_are_told(in_two_files: Path) -> Non
     metadata.write_text(yaml.safe_dump(content))
     (in_two_files / "augmented.mcap").write_bytes(b"")
     (in_two_files / "other.db3").write_bytes(b"")
+    (in_two_files / "other.db3-wal").write_bytes(b"what is not read need not be complete")
     with BagReader([in_two_files]) as reader:
         (said,) = reader.unnamed
         assert said.startswith(f"{in_two_files}: its metadata.yaml does not name {late}, left out")
@@ -551,8 +552,11 @@ def test_a_folder_that_lost_its_file_is_said(
     """metadata.yaml without its files, or malformed, is named."""
     file = write_bag(tmp_path / "bag.mcap", words)
     file.unlink()
-    with pytest.raises(BagError, match=r"names are missing: \S+mcap; give those"):
-        BagReader([file.parent]).__enter__()
+    file.parent.rename(tmp_path / "it's")
+    for folder in (tmp_path / "it's", file.parent):
+        with pytest.raises(BagError, match=r"names are missing: \S+mcap; give those"):
+            BagReader([folder]).__enter__()
+        folder.rename(file.parent)
     (file.parent / "metadata.yaml").write_text("a: [")
     with pytest.raises(BagError, match=r"its metadata\.yaml is malformed"):
         BagReader([file.parent]).__enter__()
