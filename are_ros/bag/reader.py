@@ -452,11 +452,10 @@ def _check_complete(path: Path) -> None:
 
 def _first_bytes(path: Path) -> bytes:
     """Return the first four bytes of a file, fewer where it has not so many, or is not there."""
-    try:
-        with path.open("rb") as file:
-            return file.read(len(_JOURNAL))
-    except FileNotFoundError:
+    if not path.is_file():
         return b""
+    with as_bag_errors(str(path)), path.open("rb") as file:
+        return file.read(len(_JOURNAL))
 
 
 class _UriPath(type(Path())):  # type: ignore[misc] # the class of this system's paths

@@ -284,6 +284,27 @@ def test_a_link_to_a_database_that_is_not_complete_is_refused(
         BagReader([link]).__enter__()
 
 
+def test_what_is_beside_a_database_has_to_be_readable(
+    tmp_path: Path,
+    write_bag: WriteBag,
+    words: list[tuple[str, int, Any]],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As where the recorder ran as root; else nobody knows whether messages are there."""
+    file = write_bag(tmp_path / "bag.db3", words)
+    Path(f"{file}-wal").write_bytes(b"rest")
+    opened = Path.open
+
+    def refused(path: Path, *arguments: Any, **options: Any) -> Any:
+        if path.name.endswith("-wal"):
+            raise PermissionError(13, "Permission denied")
+        return opened(path, *arguments, **options)
+
+    monkeypatch.setattr(Path, "open", refused)
+    with pytest.raises(BagError, match=r"bag\.db3-wal: there is no permission to read it"):
+        BagReader([file]).__enter__()
+
+
 def test_a_database_in_the_midst_of_a_transaction_is_refused(
     tmp_path: Path, write_bag: WriteBag, words: list[tuple[str, int, Any]]
 ) -> None:
