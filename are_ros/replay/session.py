@@ -265,6 +265,12 @@ def _prepare_places(options: ReplayOptions) -> None:
     """See that the results can be written, before anything takes long."""
     if options.out is not None:
         prepare_folder(options.out)
+        written = options.out / AUGMENTED
+        if any(written.exists() and bag.samefile(written) for bag in options.bags):
+            raise BagError(
+                f"--out {options.out}: its {AUGMENTED} is replayed, and would be replaced; give"
+                " another folder"
+            )
     if options.save_scenario is not None:
         prepare_scenario(options.save_scenario)
 

@@ -36,6 +36,8 @@ def shop(
     folder = tmp_path_factory.mktemp("shop")
     good = sample_bag.read_bytes()
     (folder / "good.mcap").write_bytes(good)
+    (folder / "own").mkdir()
+    (folder / "own" / "augmented.mcap").write_bytes(good)
     middle = len(good) // 2
     spoiled = bytes(255 - byte for byte in good[middle : middle + 200])
     (folder / "spoiled.mcap").write_bytes(good[:middle] + spoiled + good[middle + 200 :])
@@ -187,6 +189,7 @@ CASES = (
     (("replay", "good.mcap", "--save-scenario", "taken"), "taken: taken cannot be written (a"),
     (("replay", "good.mcap", "--save-scenario", "file/s.yaml"), "yaml: its folder cannot be made"),
     (("view", "whole_bag.bag"), "run `are replay` on it first, and give the folder of the results"),
+    (("replay", "own/augmented.mcap", "--out", "own"), "its augmented.mcap is replayed, and would"),
     (("replay", "good.mcap", "--out", "taken"), "metrics.json cannot be written, a folder has"),
 )  # fmt: skip
 
