@@ -9,6 +9,7 @@ has been returned for an instant never changes.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -37,7 +38,7 @@ from are_ros.population.artefact import Artefact, GroundPose, Origin, boxes_of, 
 from are_ros.population.birth_death import BirthDeath
 from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.population.departures import Cause, departure_law
-from are_ros.population.mixture import TruncatedPoissonMixture, mixture_of
+from are_ros.population.mixture import MixtureAmong, TruncatedPoissonMixture, mixture_of
 from are_ros.population.population import EventKind as PopulationEventKind
 from are_ros.population.population import Population, PopulationEvent
 from are_ros.population.randomness import Purpose, generator
@@ -123,6 +124,7 @@ class PopulationManager:
         self._environment: Environment | None = None
         self._scene = Scene.of((), 0)
         self._scene_ns = 0
+        self._seed = parameters.seed
         self._beginnings = 0
         self._is_beginning = True
         self.crowd.decisions.by_exit = parameters.population.leave is Leave.BY_EXIT
@@ -248,6 +250,7 @@ class PopulationManager:
 
     def reseed(self, seed: int, now_ns: int) -> None:
         """Draw from another seed from `now_ns` on; artefacts alive stay."""
+        self._seed, self._beginnings = seed, 0
         self.population.reseed(seed, now_ns)
         self.crowd.decisions.reseed(seed)
 
@@ -350,19 +353,32 @@ class PopulationManager:
         return spawning.place(row, random, boxes, robot, near, is_clear, appears=appears)
 
     def _begin(self, now_ns: int) -> None:
-        """Have as many artefacts there as population.initial says."""
-        settings, rows = self._parameters.population, self._catalogue.rows
+        """Have as many artefacts there as population.initial says.
+
+        Those outside the law (scripted, placed, there for ever) take of the bound; who has come at
+        random already, where the robot was known late, is one of the number.
+        """
+        settings = self._parameters.population
         self._is_beginning = False
         if settings.initial is Initial.EMPTY or not self.population.scripted.scenario.random:
             return
-        shares = mixture_of(self._parameters, self._catalogue).probabilities()
-        leaving = float(shares[[not row.forever for row in rows]].sum())
-        chain = BirthDeath.of(settings, self._spawning.area_m2, leaving)
-        count = chain.drawn(generator(self._parameters.seed, Purpose.INITIAL, self._beginnings))
+        law = mixture_of(self._parameters, self._catalogue)
+        among = MixtureAmong(law, np.array([self._counts(row) for row in self._catalogue.rows]))
+        living = self.population.living.values()
+        present = sum(one.origin is Origin.RANDOM and not one.row.forever for one in living)
+        bound = max(settings.max_alive - (len(living) - present), 0)
+        chain = BirthDeath.of(settings, self._spawning.area_m2, among.share)
+        stream = generator(self._seed, Purpose.INITIAL, self._beginnings)
+        count = max(replace(chain, max_alive=bound).drawn(stream) - present, 0)
         self._beginnings += 1
         place = partial(self._find_place, appears=False)
-        for event in self.population.populate(count, now_ns, place):
+        for event in self.population.populate(count, now_ns, place, among):
             self._apply(event)
+
+    def _counts(self, row: CatalogueRow) -> bool:
+        """Return whether the law of the number alive counts a row: it leaves, and it fits."""
+        stream = generator(self._seed, Purpose.PLACE, 0)  # of nobody: the first id is 1
+        return not row.forever and self._spawning.fits(row, stream)
 
     def _sub_step(self, step_ns: int) -> None:
         """Read the inputs (environment, robot, goal, cameras), and run a sub-step of the crowd."""
@@ -377,10 +393,12 @@ class PopulationManager:
         spawning = self._spawning
         if spawning.needs_viewpoints:
             self._viewpoints = self.viewpoints(step_ns) or self._viewpoints
-        is_ready = spawning.area_m2 > 0.0 and self._robot is not None and not self.is_paused
+        was_known = spawning.area_m2 > 0.0
         if spawning.refresh(self._environment, self._robot, self._viewpoints):
             self._set_rates(step_ns)
-        if self._is_beginning and is_ready:  # not in the first step: the scenario comes before
+        is_known = was_known and spawning.area_m2 > 0.0 and self._robot is not None
+        # Not in the first step: the scenario comes before.
+        if self._is_beginning and is_known and not self.is_paused:
             self._begin(step_ns)
         self.population.scripted.open(step_ns)
         goes_on = bool(self.population.living) and not (self.is_paused or self._steps.is_idle)

@@ -162,17 +162,12 @@ class RandomSource:
             ),
         )
 
-    def take_beside(self, now_ns: int) -> Offer:
-        """Return one artefact that comes beside the process, of a row whose artefacts leave.
-
-        There must be such a row.
-        """
-        stream, artefact_id = generator(self._seed, Purpose.ROW, self._next_id), self._next_id
+    def take_beside(self, now_ns: int, law: RowLaw) -> Offer:
+        """Return one artefact that comes beside the process, its row by a law of its own."""
+        artefact_id = self._next_id
         self._next_id += 1
-        while True:
-            row = self._rows[self._law.sample(stream)]
-            if not row.forever:
-                return Offer(now_ns, ((artefact_id, row),))
+        row = self._rows[law.sample(generator(self._seed, Purpose.ROW, artefact_id))]
+        return Offer(now_ns, ((artefact_id, row),))
 
     def set_rate(self, rate_per_s: float, now_ns: int) -> None:
         """Set the rate of groups [1/s] from `now_ns` on."""

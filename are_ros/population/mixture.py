@@ -63,6 +63,20 @@ class TruncatedPoissonMixture:
         return int(np.searchsorted(self._cumulative, uniform, side="right"))
 
 
+class MixtureAmong:
+    """The law of X, given that it is one of some rows, `kept`, bool (rows,)."""
+
+    def __init__(self, law: TruncatedPoissonMixture, kept: npt.NDArray[np.bool_]) -> None:
+        self._cumulative = np.cumsum(np.where(kept, law.probabilities(), 0.0))
+        self.share = min(float(self._cumulative[-1]), 1.0)
+        """The probability of these rows; `sample` needs more than 0."""
+
+    def sample(self, generator: np.random.Generator) -> int:
+        """Draw a row by inversion, with exactly one uniform number of the generator."""
+        uniform = generator.random() * self._cumulative[-1]
+        return int(np.searchsorted(self._cumulative, uniform, side="right"))
+
+
 def mixture_of(parameters: Parameters, catalogue: Catalogue) -> TruncatedPoissonMixture:
     """Return the law of the rows that the parameters give; ParameterError where it is bad."""
     mixture = parameters.mixture

@@ -223,12 +223,12 @@ class Population:
             return [self._arrive_by_script(admit)]
         return self._arrive(self._source.take(), place)
 
-    def populate(self, count: int, now_ns: int, place: Place) -> list[PopulationEvent]:
-        """Have so many artefacts arrive at `now_ns`, beside the process, of rows that leave.
+    def populate(self, count: int, now_ns: int, place: Place, law: RowLaw) -> list[PopulationEvent]:
+        """Have so many artefacts arrive at `now_ns`, beside the process, of rows by this law.
 
         What is left of their lives has the law of whole lives, which have no memory.
         """
-        offers = (self._source.take_beside(now_ns) for _ in range(count))
+        offers = (self._source.take_beside(now_ns, law) for _ in range(count))
         return [event for offer in offers for event in self._arrive(offer, place)]
 
     def remove(self, artefact_id: int, now_ns: int, cause: Cause) -> PopulationEvent:

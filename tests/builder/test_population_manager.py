@@ -13,6 +13,7 @@ from are_ros.errors import FrameError, ParameterError, PlacementError, ScenarioE
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.population.artefact import Artefact, GroundPose, boxes_of
+from are_ros.population.birth_death import BirthDeath
 from are_ros.population.population import Counts
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.footprint import signed_distance_m
@@ -176,6 +177,81 @@ def test_a_run_begins_empty_otherwise(
     scene.robot(0.0, 1.0, 2.0)
     scene.builder.advance(scene.ns(0.1))
     assert not scene.builder.lives.population.living
+
+
+SLOW = FULL | {"population.arrival_rate": 0.01, "population.mean_life": 1e6}
+CROWDED = SLOW | {"population.region": "free", "population.max_alive": 3}
+"""Far more would be there without the bound, but none comes in the first instants."""
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_run_begins_with_rows_that_fit(make_scene: Make, seed: int) -> None:
+    """In pockets of half a metre only posts do; as many are there as the law of these says."""
+    scene = make_scene(CROWDED | {"seed": seed})
+    walls = range(6, 40, 6)
+    scene.map(0.0, *((k, k + 1, 0, 40) for k in walls), *((0, 40, k, k + 1) for k in walls))
+    scene.robot(0.0, 1.0, 2.0)
+    scene.builder.advance(scene.ns(0.1))
+    living = scene.builder.lives.population.living.values()
+    assert [one.row.label for one in living] == ["post"] * 3
+    assert {event.kind for event in scene.builder.lives.take_events()} == {EventKind.ARRIVED}
+
+
+def test_who_is_outside_the_law_takes_of_the_bound_at_the_beginning(make_scene: Make) -> None:
+    """The number is drawn for what is left; nobody comes to be blocked."""
+    scene = make_scene(CROWDED)
+    scene.map(0.0)
+    scene.place(0, (3.0, 3.0), 0.0)
+    scene.place(3, (3.0, 1.0), 0.0)
+    scene.robot(0.0, 1.0, 2.0)
+    scene.builder.advance(scene.ns(0.1))
+    assert len(scene.builder.lives.population.living) == 3
+    assert kinds(scene.builder.lives.take_events()) == [(EventKind.ARRIVED, "")] * 3
+
+
+def test_who_came_before_the_robot_was_known_is_one_of_the_number(
+    make_scene: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the region needs no robot, or after a jump of the clock; it is no second number."""
+    monkeypatch.setattr(BirthDeath, "drawn", lambda *_: 8)
+    scene = make_scene(SLOW | {"population.region": "free"})
+    scene.map(0.0)
+    scene.builder.advance(scene.ns(40.0))
+    living = scene.builder.lives.population.living
+    assert 0 < len(living) < 8
+    scene.robot(40.0, 1.0, 2.0)
+    scene.builder.advance(scene.ns(40.1))
+    assert len(living) == 8
+
+
+def test_a_new_seed_draws_another_beginning(make_scene: Make) -> None:
+    """All of it: a node that is seeded anew begins as one that had this seed from the start."""
+
+    def begun(seed: int) -> list[tuple[str, GroundPose]]:
+        scene = make_scene(FULL | {"seed": seed})
+        scene.map(0.0)
+        scene.robot(0.0, 1.0, 2.0)
+        scene.builder.reseed(7, scene.ns(0.0))
+        scene.builder.advance(scene.ns(0.1))
+        living = scene.builder.lives.population.living.values()
+        return [(one.row.label, one.ground_pose_at(scene.ns(0.1))) for one in living]
+
+    assert begun(1) == begun(2) == begun(7) != []
+
+
+def test_a_run_waits_for_a_region_to_begin_in(make_scene: Make) -> None:
+    """Also where the first map after a jump of the clock has no free cell."""
+    scene = make_scene(FULL)
+    scene.map(0.0)
+    scene.robot(0.0, 1.0, 2.0)
+    scene.builder.advance(scene.ns(3.0))
+    scene.map(3.01, (0, 40, 0, 40))
+    scene.robot(1.0, 1.0, 2.0)
+    scene.builder.advance(scene.ns(1.2))
+    assert not scene.builder.lives.population.living
+    scene.map(1.2)
+    scene.builder.advance(scene.ns(1.3))
+    assert len(scene.builder.lives.population.living) > 3
 
 
 @pytest.mark.parametrize("group_size", [1.0, 4.0])

@@ -22,7 +22,7 @@ from are_ros.population.artefact import Artefact, GroundPose
 from are_ros.population.birth_death import BirthDeath
 from are_ros.population.catalogue import CatalogueRow, MeshFile
 from are_ros.population.departures import Cause, departure_law
-from are_ros.population.mixture import TruncatedPoissonMixture
+from are_ros.population.mixture import MixtureAmong, TruncatedPoissonMixture
 from are_ros.population.population import EventKind, Population, PopulationEvent
 
 INDEPENDENT, CONSTANT = Departures.INDEPENDENT, Departures.CONSTANT_RATE
@@ -338,7 +338,7 @@ def test_a_run_that_begins_by_the_stationary_law_keeps_it(
         population = _population(seed, kind, group=group, max_alive=bound)
         population.set_rates(groups_per_s / 50.0, 50.0, life_s, EPOCH_NS)
         count = chain.drawn(np.random.default_rng(seed))
-        events = population.populate(count, EPOCH_NS, lambda *_: SPOT)
+        events = population.populate(count, EPOCH_NS, lambda *_: SPOT, MIXTURE)
         assert len(events) == len(population.living) == count
         first.append(count)
         _advance(population, _History(), 1.3)
@@ -354,7 +354,8 @@ def test_who_is_there_at_the_beginning_leaves_some_time() -> None:
         3, RandomSource(3, rows, MIXTURE, 1.0), departure_law(INDEPENDENT, 3, 1.0), max_alive=3000
     )
     population.start(EPOCH_NS)
-    events = population.populate(2000, EPOCH_NS, lambda *_: SPOT)
+    among = MixtureAmong(MIXTURE, np.array([not row.forever for row in rows]))
+    events = population.populate(2000, EPOCH_NS, lambda *_: SPOT, among)
     assert [event.artefact_id for event in events] == [*range(1, 2001)]
     assert {(event.kind, event.time_ns) for event in events} == {(EventKind.ARRIVED, EPOCH_NS)}
     shares = MIXTURE.probabilities() * [not row.forever for row in rows]

@@ -229,6 +229,10 @@ class Spawning:
             pose = placer.place(row, generator, around)
         return pose or (Cause.NO_HIDDEN_PLACE if "hidden" in refused else Cause.NO_PLACE)
 
+    def fits(self, row: CatalogueRow, generator: np.random.Generator) -> bool:
+        """Tell whether an artefact would find a place in the region on the empty map."""
+        return self._placer is not None and self._placer.place(row, generator) is not None
+
     def why_not(
         self,
         box: OrientedBoxes,
