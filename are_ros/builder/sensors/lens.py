@@ -104,6 +104,12 @@ class Lens:
         lengths = np.linalg.norm(self.view.rays_to_depth(), axis=2).astype(np.float32)
         return lengths
 
+    @cached_property
+    def _looks(self) -> npt.NDArray[np.bool_]:
+        """Which pixels look anywhere, bool (H, W)."""
+        looks: npt.NDArray[np.bool_] = self.view.directions().any(axis=2)
+        return looks
+
     def in_tiles(self, which: _Indices) -> npt.NDArray[np.bool_]:
         """Return which pixels (H, W) that look anywhere are in some tiles (K,)."""
         rows, columns = self.tiles.rows[which, 0] // TILE, self.tiles.columns[which, 0] // TILE
@@ -111,7 +117,7 @@ class Lens:
         chosen = np.zeros((-(-height // TILE), -(-width // TILE)), dtype=np.bool_)
         chosen[rows, columns] = True
         pixels = chosen.repeat(TILE, axis=0).repeat(TILE, axis=1)[:height, :width]
-        are_in: npt.NDArray[np.bool_] = pixels & self.view.directions().any(axis=2)
+        are_in: npt.NDArray[np.bool_] = pixels & self._looks
         return are_in
 
     def tiles_towards(self, map_from_camera: RigidTransform, boxes: OrientedBoxes) -> _Indices:
