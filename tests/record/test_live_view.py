@@ -119,6 +119,21 @@ def test_a_robot_may_have_a_namespace_and_its_transforms_there(ros_available: No
                 pass
 
 
+def answering(call: Callable[[object], SimpleNamespace], patience_s: float) -> RemoteNode:
+    """Return a node whose services answer by futures that `call` returns."""
+    client = SimpleNamespace(
+        srv_type=SimpleNamespace(Request=SimpleNamespace),
+        service_is_ready=lambda: True,
+        call_async=call,
+        remove_pending_request=lambda _: None,
+    )
+    node = SimpleNamespace(create_client=lambda *_: client)
+    executor = SimpleNamespace(spin_once=lambda timeout_sec: time.sleep(0.1 * timeout_sec))
+    remote = RemoteNode(node, executor, "", lambda: False)
+    remote.patience_s = patience_s
+    return remote
+
+
 def test_a_lost_answer_is_asked_for_again() -> None:
     """But not where to ask twice is to act twice."""
     calls = count(1)
@@ -127,16 +142,7 @@ def test_a_lost_answer_is_asked_for_again() -> None:
         number = next(calls)
         return SimpleNamespace(done=lambda: number > 1, result=lambda: number)
 
-    client = SimpleNamespace(
-        srv_type=SimpleNamespace(Request=SimpleNamespace),
-        service_is_ready=lambda: True,
-        call_async=call,
-        remove_pending_request=lambda _: None,
-    )
-    node = SimpleNamespace(create_client=lambda *_: client)
-    executor = SimpleNamespace(spin_once=lambda timeout_sec: time.sleep(0.5 * timeout_sec))
-    remote = RemoteNode(node, executor, "", lambda: False)
-    remote.patience_s = 0.3
+    remote = answering(call, 0.3)
     with pytest.raises(NodeError, match="/ar_builder/pause does not answer"):
         remote.ask("pause", "std_srvs/srv/SetBool", attempts=1, data=True)
     calls = count(1)
@@ -151,16 +157,7 @@ def test_a_late_answer_is_taken() -> None:
         free_s[0] = answered_s = max(free_s[0], time.monotonic()) + takes_s
         return SimpleNamespace(done=lambda: time.monotonic() > answered_s, result=lambda: "late")
 
-    client = SimpleNamespace(
-        srv_type=SimpleNamespace(Request=SimpleNamespace),
-        service_is_ready=lambda: True,
-        call_async=call,
-        remove_pending_request=lambda _: None,
-    )
-    node = SimpleNamespace(create_client=lambda *_: client)
-    executor = SimpleNamespace(spin_once=lambda timeout_sec: time.sleep(0.1 * timeout_sec))
-    remote = RemoteNode(node, executor, "", lambda: False)
-    remote.patience_s = 0.9
+    remote = answering(call, 0.9)
     assert remote.ask("pause", "std_srvs/srv/SetBool", data=True) == "late"
 
 

@@ -107,8 +107,7 @@ class Lens:
     @cached_property
     def _looks(self) -> npt.NDArray[np.bool_]:
         """Which pixels look anywhere, bool (H, W)."""
-        looks: npt.NDArray[np.bool_] = self.view.directions().any(axis=2)
-        return looks
+        return np.asarray(self.view.directions().any(axis=2))
 
     def in_tiles(self, which: _Indices) -> npt.NDArray[np.bool_]:
         """Return which pixels (H, W) that look anywhere are in some tiles (K,)."""

@@ -8,7 +8,7 @@ in it that could be quick.
 import itertools
 import math
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
@@ -107,9 +107,7 @@ def _radially_undistorted(flat: Floats, k: Floats) -> tuple[Floats, float]:
     """
 
     def shown(far: Floats) -> Floats:
-        r2 = far * far
-        upper = 1.0 + k[0] * r2 + k[1] * r2**2 + k[4] * r2**3
-        lower = 1.0 + k[5] * r2 + k[6] * r2**2 + k[7] * r2**3
+        upper, lower = _radial(far * far, k)
         return np.where(lower > 0.0, far * upper / lower, -np.inf)
 
     far = np.tan(np.linspace(0.0, _FARTHEST_RAD, 200_000))
@@ -117,12 +115,24 @@ def _radially_undistorted(flat: Floats, k: Floats) -> tuple[Floats, float]:
         grows = np.diff(shown(far)) > 0.0
         farthest = float(far[-1] if grows.all() else far[grows.argmin()])
         radius = np.hypot(flat[..., 0], flat[..., 1])
-        low, high = np.zeros_like(radius), np.full_like(radius, farthest)
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            is_less = shown(middle) < radius
-            low, high = np.where(is_less, middle, low), np.where(is_less, high, middle)
-    return flat * (low / np.maximum(radius, 1e-300))[..., None], farthest
+        found = _bisected(shown, radius, farthest)
+    return flat * (found / np.maximum(radius, 1e-300))[..., None], farthest
+
+
+def _radial(r2: Floats, k: Floats) -> tuple[Floats, Floats]:
+    """Return numerator and denominator of the radial part."""
+    upper = 1.0 + k[0] * r2 + k[1] * r2**2 + k[4] * r2**3
+    return upper, 1.0 + k[5] * r2 + k[6] * r2**2 + k[7] * r2**3
+
+
+def _bisected(shown: Callable[[Floats], Floats], wanted: Floats, most: float) -> Floats:
+    """Return from 0 to `most` where a growing function has the values wanted."""
+    low, high = np.zeros_like(wanted), np.full_like(wanted, most)
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        is_less = shown(middle) < wanted
+        low, high = np.where(is_less, middle, low), np.where(is_less, high, middle)
+    return low
 
 
 def _shown(slopes: Floats, k: Floats) -> Floats:
@@ -130,8 +140,7 @@ def _shown(slopes: Floats, k: Floats) -> Floats:
     x, y = slopes[..., 0], slopes[..., 1]
     with np.errstate(over="ignore", invalid="ignore"):
         r2 = x * x + y * y
-        upper = 1.0 + k[0] * r2 + k[1] * r2**2 + k[4] * r2**3
-        lower = 1.0 + k[5] * r2 + k[6] * r2**2 + k[7] * r2**3
+        upper, lower = _radial(r2, k)
         aside_x = 2.0 * k[2] * x * y + k[3] * (r2 + 2.0 * x * x) + k[8] * r2 + k[9] * r2**2
         aside_y = k[2] * (r2 + 2.0 * y * y) + 2.0 * k[3] * x * y + k[10] * r2 + k[11] * r2**2
         return np.stack((x * upper / lower + aside_x, y * upper / lower + aside_y), axis=2)
@@ -144,12 +153,8 @@ def _from_angles(flat: Floats, k: Floats, close: float) -> Floats:
         return np.asarray(angle * (1.0 + sum(k[i] * angle ** (2 * i + 2) for i in range(4))))
 
     radius = np.hypot(flat[..., 0], flat[..., 1])
-    low, high = np.zeros_like(radius), np.full_like(radius, _FARTHEST_RAD)
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        is_less = shown(middle) < radius
-        low, high = np.where(is_less, middle, low), np.where(is_less, high, middle)
-    angle = np.where(np.abs(shown(low) - radius) < close, low, np.nan)
+    found = _bisected(shown, radius, _FARTHEST_RAD)
+    angle = np.where(np.abs(shown(found) - radius) < close, found, np.nan)
     scale = np.where(radius > 0.0, np.tan(angle) / np.maximum(radius, 1e-300), 1.0)
     return flat * scale[..., None]
 
