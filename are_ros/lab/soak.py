@@ -7,7 +7,6 @@ import json
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
@@ -31,6 +30,7 @@ from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue, MotionLimits
 from are_ros.population.randomness import Purpose, generator
+from are_ros.replay.output_folder import left_of
 from are_ros.wording import counted, why_refused
 from are_ros.world.environment import Environment
 from are_ros.world.occupancy_grid import OccupancyGrid
@@ -398,12 +398,8 @@ def write_soak(result: SoakResult, grid: OccupancyGrid, folder: Path) -> None:
         (folder / RECORD).write_text(text + "\n", encoding="utf-8")
         draw_soak(result, grid, folder / PICTURE)
     except OSError as cause:
-        for name in RESULTS:
-            with suppress(OSError):
-                (folder / name).unlink()
-        reason = why_refused(cause)
-        rest = "" if any((folder / name).is_file() for name in RESULTS) else ", none is left"
-        message = f"{folder}: the results cannot be written ({reason}){rest}"
+        rest = "" if left_of(folder, RESULTS) else ", none is left"
+        message = f"{folder}: the results cannot be written ({why_refused(cause)}){rest}"
         raise InputError(message) from cause
 
 

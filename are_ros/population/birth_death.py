@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from are_ros.parameters.choices import Departures
 from are_ros.parameters.model import PopulationParameters
+from are_ros.population.randomness import inverted
 
 Numbers = npt.NDArray[np.float64]
 
@@ -142,8 +143,7 @@ class BirthDeath:
 
     def drawn(self, random: np.random.Generator) -> int:
         """Draw N by its stationary law, with one uniform number."""
-        below = np.cumsum(self.law)
-        return int(np.searchsorted(below, random.random() * below[-1], side="right"))
+        return inverted(np.cumsum(self.law), random)
 
     @property
     def mean(self) -> float:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from are_ros.errors import ParameterError
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue
+from are_ros.population.randomness import inverted
 from are_ros.wording import counted
 from are_ros.world.rigid_transform import product
 
@@ -59,8 +60,7 @@ class TruncatedPoissonMixture:
 
     def sample(self, generator: np.random.Generator) -> int:
         """Draw a row by inversion, with exactly one uniform number of the generator."""
-        uniform = generator.random() * self._cumulative[-1]
-        return int(np.searchsorted(self._cumulative, uniform, side="right"))
+        return inverted(self._cumulative, generator)
 
 
 class MixtureAmong:
@@ -73,8 +73,7 @@ class MixtureAmong:
 
     def sample(self, generator: np.random.Generator) -> int:
         """Draw a row by inversion, with exactly one uniform number of the generator."""
-        uniform = generator.random() * self._cumulative[-1]
-        return int(np.searchsorted(self._cumulative, uniform, side="right"))
+        return inverted(self._cumulative, generator)
 
 
 def mixture_of(parameters: Parameters, catalogue: Catalogue) -> TruncatedPoissonMixture:

@@ -3,6 +3,7 @@
 from enum import IntEnum
 
 import numpy as np
+import numpy.typing as npt
 
 
 class Purpose(IntEnum):
@@ -40,3 +41,9 @@ def generator(seed: int, purpose: Purpose, artefact_id: int) -> np.random.Genera
     """
     sequence = np.random.SeedSequence(seed, spawn_key=(int(purpose), artefact_id))
     return np.random.Generator(np.random.PCG64(sequence))
+
+
+def inverted(cumulative: npt.NDArray[np.float64], random: np.random.Generator) -> int:
+    """Draw an index by cumulative weights (N,), the last one > 0, with one uniform number."""
+    uniform = random.random() * cumulative[-1]
+    return int(np.searchsorted(cumulative, uniform, side="right"))

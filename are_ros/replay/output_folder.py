@@ -139,14 +139,14 @@ def all_or_nothing(folder: Path, results: Sequence[str] = RESULTS) -> Iterator[N
     try:
         yield
     except OSError as cause:
-        left = _left_of(folder, results)
+        left = left_of(folder, results)
         rest = f"and {listed(left)} cannot be removed" if left else "none is left"
         reason = why_refused(cause)
         message = f"--out {folder}: the results cannot be written ({reason}), {rest}"
         raise BagError(message) from cause
 
 
-def _left_of(folder: Path, results: Sequence[str]) -> list[str]:
+def left_of(folder: Path, results: Sequence[str]) -> list[str]:
     """Remove files of a folder, and return the names of those that stay."""
     for name in results:
         with suppress(OSError):
