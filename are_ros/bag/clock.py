@@ -18,8 +18,7 @@ import numpy.typing as npt
 
 from are_ros.bag.file_order import JumpBack
 from are_ros.bag.reader import STAMP_AT, BagMessage, BagReader, stamp_in
-from are_ros.builder.population_manager import IDLE_NS
-from are_ros.conventions import NS_PER_S
+from are_ros.conventions import IDLE_NS, NS_PER_S
 from are_ros.errors import BagError, InputError
 from are_ros.messages.sensors import SENSORS
 from are_ros.wording import duration_text, listed

@@ -63,6 +63,7 @@ _SENTENCES = (
     ("Profile is not ros2", "it is an MCAP file of another kind than ROS 2"),
     ("Could not load YAML", "its metadata.yaml is malformed"),
     ("Invalid bag metadata", "its metadata.yaml is empty or no rosbag2 metadata"),
+    ("Rosbag2 version", "its metadata.yaml is of an unknown version; give the files in it"),
     ("database", _DATABASE),
     ("checksum mismatch", _DAMAGED),
     ("not in timestamp order", _UNSORTED),

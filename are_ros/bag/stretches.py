@@ -15,9 +15,8 @@ import numpy as np
 
 from are_ros.bag.clock import MOVING_ROLES, BagClock, Edge, Ints, RecordedTimes, begin_of
 from are_ros.bag.reader import BagReader
-from are_ros.builder.population_manager import IDLE_NS
 from are_ros.builder.sensors.sensor_path import REACH
-from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.conventions import IDLE_NS, NS_PER_S, seconds_to_ns
 from are_ros.errors import BagError
 from are_ros.parameters.model import PosesParameters, SensorsParameters
 from are_ros.wording import counted, duration_text, several

@@ -29,7 +29,7 @@ from are_ros.builder.files.scenario_file import read_scenario
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.scene import Scene
 from are_ros.builder.spawning.spawner import OutOfView, Spawning
-from are_ros.conventions import NS_PER_S, seconds_to_ns
+from are_ros.conventions import IDLE_NS, seconds_to_ns
 from are_ros.errors import BehaviourError, PlacementError, ScenarioError
 from are_ros.parameters.choices import Initial, Leave
 from are_ros.parameters.model import Parameters
@@ -47,9 +47,6 @@ from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.cameras import CameraAt
 from are_ros.world.environment import Environment
 from are_ros.world.footprint import Footprint
-
-IDLE_NS: Final = 60 * NS_PER_S
-"""After this time without inputs, sub-steps are skipped; events of the population go on."""
 
 
 class StepClock:
@@ -489,11 +486,6 @@ def population_of(
     bad, ScenarioError where the scenario is.
     """
     settings, law = parameters.population, mixture_of(parameters, catalogue)
-    scenario = Scenario()
-    if settings.scenario:
-        scenario = read_scenario(Path(settings.scenario), catalogue)
-        if parameters.sensors.masks:
-            _check_ids_for_masks(scenario, settings.scenario)
     return Population(
         parameters.seed,
         RandomSource(parameters.seed, catalogue.rows, law, settings.group_size),
@@ -502,8 +494,21 @@ def population_of(
         history_ns=seconds_to_ns(parameters.poses.history),
         begun=begun,
         stays_on=stays_on,
-        scripted=ScriptedSource(scenario),
+        scripted=ScriptedSource(scenario_of(parameters, catalogue)),
     )
+
+
+def scenario_of(parameters: Parameters, catalogue: Catalogue) -> Scenario:
+    """Return the scenario that the parameters name, one of nobody where they name none.
+
+    Raises ScenarioError where it is bad.
+    """
+    if not parameters.population.scenario:
+        return Scenario()
+    scenario = read_scenario(Path(parameters.population.scenario), catalogue)
+    if parameters.sensors.masks:
+        _check_ids_for_masks(scenario, parameters.population.scenario)
+    return scenario
 
 
 def _check_ids_for_masks(scenario: Scenario, source: str) -> None:

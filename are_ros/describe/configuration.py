@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -26,6 +27,7 @@ from are_ros.parameters.model import (
 from are_ros.population.birth_death import BirthDeath
 from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.population.mixture import Numbers, TruncatedPoissonMixture, mixture_of
+from are_ros.population.scenario import Scenario
 from are_ros.wording import aligned, counted, percent, section, time_unit
 
 _MORE: Final = "Each row of the catalogue, and what it does: --all."
@@ -35,18 +37,20 @@ def describe_lines(
     parameters: Parameters,
     catalogue: Catalogue,
     site: Site | None = None,
+    scenario: Scenario | None = None,
     *,
     everything: bool = False,
 ) -> list[str]:
     """Return the description, line by line; figures are for a site, or else for 100 m^2.
 
-    Rows of the catalogue are summed up by class, unless `everything` is asked for. Raises
-    ParameterError where the mixture does not fit the catalogue.
+    `scenario` is the one that the parameters name. Rows of the catalogue are summed up by class,
+    unless `everything` is asked for. Raises ParameterError where the mixture does not fit the
+    catalogue.
     """
     law = mixture_of(parameters, catalogue)
     probabilities = law.probabilities()
     lines = [
-        *population_lines(parameters, probabilities, catalogue, site or Site()),
+        *population_lines(parameters, probabilities, catalogue, site or Site(), scenario),
         *mixture_lines(law, catalogue),
         *class_lines(probabilities, catalogue),
         *behaviour_lines(probabilities, catalogue, of_rows=everything),
@@ -140,15 +144,25 @@ _WORTH_A_WORD = 0.001
 
 
 def population_lines(
-    parameters: Parameters, probabilities: Numbers, catalogue: Catalogue, site: Site
+    parameters: Parameters,
+    probabilities: Numbers,
+    catalogue: Catalogue,
+    site: Site,
+    scenario: Scenario | None = None,
 ) -> list[str]:
-    """Return arrivals per minute, lives, and the law of the number alive at a site."""
+    """Return arrivals per minute, lives, and the law of the number alive at a site.
+
+    The law is that of random arrivals: without those of a scenario.
+    """
     settings = parameters.population
+    if scenario is not None and not scenario.random:
+        settings = replace(settings, arrival_rate=0.0)
     chain = BirthDeath.of(settings, site.area_m2, staying_share(probabilities, catalogue, site))
     where = f"on {site.area_m2:.4g} m^2" + ("" if site.survey else " (no map is given)")
     rows = [
         *site_rows(site, parameters, catalogue, probabilities),
         ("arrivals", _arrivals_text(settings, chain.groups_per_s)),
+        *_scenario_rows(scenario),
         ("life", _life_text(chain)),
         ("departures", _departures_text(settings)),
         ("alive at once", _alive_text(chain)),
@@ -203,6 +217,16 @@ def _arrivals_text(settings: PopulationParameters, groups_per_s: float) -> str:
     length_s, unit = time_unit(1.0 / groups_per_s)
     every = f"one every {1.0 / groups_per_s / length_s:.3g} {unit}"
     return f"{per_minute:.3g} {noun} per minute, {every}"
+
+
+def _scenario_rows(scenario: Scenario | None) -> list[tuple[str, str]]:
+    """Return what a scenario adds to random arrivals, or that it takes their place."""
+    if scenario is None or (scenario.random and not scenario.artefacts):
+        return []
+    added = counted(len(scenario.artefacts), "artefact")
+    if scenario.random:
+        return [("scenario", f"{added}, beside random arrivals and the law below")]
+    return [("scenario", f"{added}; it has random: false, so nobody else arrives")]
 
 
 def _departures_text(settings: PopulationParameters) -> str:

@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.agents.events import ArtefactEvent, SceneMetrics
-from are_ros.builder.population_manager import IDLE_NS
 from are_ros.builder.sensors.laser_scan import LaserScan
+from are_ros.conventions import IDLE_NS
 from are_ros.population.artefact import GroundPose
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.world.cameras import CameraAt, ViewModel

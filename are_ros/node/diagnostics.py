@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.builder.ar_builder import ArBuilder
-from are_ros.conventions import NS_PER_S
+from are_ros.conventions import NEVER_NS, NS_PER_S
 from are_ros.messages.cdr import CdrWriter
 from are_ros.messages.sensors import SENSORS, noun_of
 from are_ros.node.live_builder import LiveBuilder
@@ -520,7 +520,6 @@ def _sensor(sensor: SensorSnapshot) -> Status:
 # The snapshot is taken and published once a second.
 
 
-_NEVER_NS: Final = -(2**63)
 _KILLED_S: Final = 30.0
 """DDS forgets a process that was killed after up to 20 s; its successor is no second one."""
 
@@ -539,7 +538,7 @@ class Reporter:
         self._publisher = publisher
         self._blocked, self._arrived = CountWatch(MINUTE_NS), CountWatch(MINUTE_NS)
         self._passed: dict[str, CountWatch] = {}
-        self._last_contact, self._contact_ns = "", _NEVER_NS
+        self._last_contact, self._contact_ns = "", NEVER_NS
         self._has_namesake, self._has_clocks = Lasting(_KILLED_S), Lasting(_KILLED_S)
         self._is_lost = Lasting(GRACE_S)
         self.doubts: tuple[str, ...] = ()

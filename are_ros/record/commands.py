@@ -14,7 +14,14 @@ from are_ros.record.publishers import PlayOptions
 from are_ros.record.recorder import record
 from are_ros.record.topics import RecordOptions
 from are_ros.replay.command import effective_parameters
-from are_ros.replay.output_folder import AUGMENTED, VIEW, animation_path, earlier_exports
+from are_ros.replay.output_folder import (
+    AUGMENTED,
+    VIEW,
+    alone_in,
+    animation_path,
+    earlier_exports,
+    no_empty_folders,
+)
 from are_ros.replay.pictures import draw_recording, view_recording
 from are_ros.replay.progress import ProgressBar
 from are_ros.wording import counted
@@ -62,20 +69,21 @@ def demo_command(
     files = [*([beside] if beside.is_file() else []), *parameter_files]
     parameters = effective_parameters(files, assignments, seed)
     wanted = DemoOptions(bag, parameters, out, **options)
-    with stop_on_signals(is_last=False) as stop, ProgressBar("demo") as bar:
-        outcome = run_demo(wanted, say, bar.open, stop.should_stop)
-    say(_played(outcome))
-    for line in summary_of(out / AUGMENTED):
-        say(line)
-    draw_recording(out / AUGMENTED, out / "overview.png", film, say)
-    say(f"picture      {out / 'overview.png'}")
-    if has_viser():
-        view_recording(out / AUGMENTED, out / VIEW, say)
-    else:
-        say(MISSING_VISER)
-    say(f"recording    {out / AUGMENTED}\nnode's log   {out / 'node.log'}")
-    for line in earlier_exports(out):
-        say(line)
+    with no_empty_folders(out), alone_in(out):
+        with stop_on_signals(is_last=False) as stop, ProgressBar("demo") as bar:
+            outcome = run_demo(wanted, say, bar.open, stop.should_stop)
+        say(_played(outcome))
+        for line in summary_of(out / AUGMENTED):
+            say(line)
+        draw_recording(out / AUGMENTED, out / "overview.png", film, say)
+        say(f"picture      {out / 'overview.png'}")
+        if has_viser():
+            view_recording(out / AUGMENTED, out / VIEW, say)
+        else:
+            say(MISSING_VISER)
+        say(f"recording    {out / AUGMENTED}\nnode's log   {out / 'node.log'}")
+        for line in earlier_exports(out):
+            say(line)
     return not outcome.skipped
 
 

@@ -15,6 +15,7 @@ from are_ros.builder.assembly import (
     replaced_statics,
     robot_footprint,
 )
+from are_ros.builder.population_manager import scenario_of
 from are_ros.builder.sensors.sensor_path import SensorPathCounts
 from are_ros.builder.tick import Demand
 from are_ros.describe.configuration import describe_lines
@@ -302,6 +303,7 @@ def describe_command(
     robot_footprint(parameters.robot)
     parse_static_transforms(parameters.frames.static)
     catalogue, site = catalogue_of(parameters), Site()
+    scenario = scenario_of(parameters, catalogue)
     if map_file is not None:
         site = surveyed(read_map_file(map_file, parameters.frames.map), parameters, catalogue)
         if doubt := doubt_about_unknown(map_file):
@@ -314,7 +316,7 @@ def describe_command(
         for line in (*lines, f"picture: {path}"):
             echo(line)
         return
-    for line in describe_lines(parameters, catalogue, site, everything=everything):
+    for line in describe_lines(parameters, catalogue, site, scenario, everything=everything):
         echo(line)
     if plot_path is not None:
         echo(f"\npicture: {plot_population(parameters, catalogue, site, plot_path)}")

@@ -31,9 +31,9 @@ def prepare_folder(folder: Path, results: Sequence[str] = RESULTS) -> None:
 
 @contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
-    """Make the folder, and keep other replays out of it while a block runs.
+    """Make the folder, and keep other runs out of it while a block runs.
 
-    BagError if it cannot be made, or if another replay is at work there.
+    BagError if it cannot be made, or if another run is at work there.
     """
     _make(folder, f"--out {folder}: the folder")
     handle = None
@@ -42,7 +42,7 @@ def alone_in(folder: Path) -> Iterator[None]:
             handle = os.open(folder, os.O_RDONLY)
             lock(handle)
         except BlockingIOError as cause:
-            raise BagError(f"--out {folder}: another replay writes its results there") from cause
+            raise BagError(f"--out {folder}: another run writes its results there") from cause
         except OSError:  # a folder that may not be listed cannot be locked
             pass
         yield

@@ -583,6 +583,22 @@ def test_a_folder_that_lost_its_file_is_said(
         BagReader([file.parent]).__enter__()
 
 
+def test_metadata_of_a_version_to_come_is_said(
+    tmp_path: Path, write_bag: WriteBag, words: list[tuple[str, int, Any]]
+) -> None:
+    """Of a newer rosbag2; the file itself is read all the same."""
+    file = write_bag(tmp_path / "bag.mcap", words)
+    metadata = file.parent / "metadata.yaml"
+    content = yaml.safe_load(metadata.read_text())
+    content["rosbag2_bagfile_information"]["version"] = 99
+    metadata.write_text(yaml.safe_dump(content))
+    said = r"its metadata\.yaml is of an unknown version; give the files in it"
+    with pytest.raises(BagError, match=said):
+        BagReader([file.parent]).__enter__()
+    with BagReader([file]) as reader:
+        assert len(list(reader.messages())) == len(words)
+
+
 def test_every_real_recording_is_read_whole(real_data: Path) -> None:
     """All messages of all real recordings are read and understood."""
     paths = sorted(real_data.glob("*/*.bag"))

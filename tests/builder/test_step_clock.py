@@ -1,6 +1,7 @@
 """The sub-steps: multiples of their length since the epoch, none of them twice."""
 
-from are_ros.builder.population_manager import IDLE_NS, StepClock
+from are_ros.builder.population_manager import StepClock
+from are_ros.conventions import IDLE_NS
 
 
 def test_sub_steps_are_multiples_of_their_length() -> None:

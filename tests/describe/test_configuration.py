@@ -12,9 +12,11 @@ from are_ros.describe.site import Site
 from are_ros.errors import ParameterError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
+from are_ros.population.artefact import GroundPose
 from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.population.meshes.shapes import Shape
 from are_ros.population.mixture import TruncatedPoissonMixture
+from are_ros.population.scenario import Scenario, ScriptedArtefact
 from are_ros.replay.command import describe_command
 
 
@@ -50,6 +52,23 @@ def test_arrivals_per_minute_and_expected_population() -> None:
     assert "6 expected, 2 to 10 in nine tenths of the time" in text
     assert "Poisson(6), cut at the bound" in text
     assert "so for lives of any law" in text
+
+
+def test_a_scenario_is_named_and_may_be_all() -> None:
+    """With random: false nobody arrives beside it; a scenario of nobody is not worth a word."""
+
+    def lines(scenario: Scenario | None) -> list[str]:
+        return describe_lines(parameters, CATALOGUE, Site(200.0), scenario)
+
+    parameters = with_values(Parameters(), SMALL)
+    one = ScriptedArtefact(CATALOGUE.rows[0], GroundPose(0.0, 0.0, 0.0, 0.0), 0)
+    beside, alone = lines(Scenario((one,))), lines(Scenario((one,), random=False))
+    assert "  scenario       1 artefact, beside random arrivals and the law below" in beside
+    assert "  arrivals       6 artefacts per minute, one every 10 s" in beside
+    assert "  scenario       1 artefact; it has random: false, so nobody else arrives" in alone
+    assert "  arrivals       none" in alone
+    assert any("0 expected, 0 to 0" in line for line in alone)
+    assert lines(Scenario()) == lines(None)
 
 
 def test_without_a_map_it_is_for_100_square_metres() -> None:

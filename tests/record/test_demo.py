@@ -179,3 +179,14 @@ def test_what_cannot_be_shown_is_one_sentence(ros_available: None, tmp_path: Pat
         with pytest.raises(BagError, match=sentence):
             run_here(options, said.append, lambda *_: lambda _: None, lambda: False)
     assert said == []
+
+
+def test_a_folder_in_which_a_run_is_at_work_is_refused(ros_available: None, tmp_path: Path) -> None:
+    """Its results stay as they are; nothing is started."""
+    del ros_available
+    from are_ros.record.commands import demo_command
+    from are_ros.replay.output_folder import alone_in
+
+    with alone_in(tmp_path), pytest.raises(BagError, match="another run writes its results there"):
+        demo_command(print, SAMPLE, tmp_path, (), (), None)
+    assert not list(tmp_path.iterdir())

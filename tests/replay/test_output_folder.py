@@ -78,7 +78,7 @@ def test_two_replays_into_one_folder_are_told(tmp_path: Path) -> None:
     with alone_in(folder):
         (folder / "metrics.json").write_text("{}")
         with (
-            pytest.raises(BagError, match=r"--out .*b: another replay writes its results there"),
+            pytest.raises(BagError, match=r"--out .*b: another run writes its results there"),
             no_empty_folders(folder),
             alone_in(folder),
         ):

@@ -16,7 +16,7 @@ from typing import Any, Final, NamedTuple, Protocol
 
 from are_ros.agents.robots import WITHOUT_STAMP
 from are_ros.builder.sensors.obstacles import Obstacles
-from are_ros.conventions import NS_PER_S
+from are_ros.conventions import NEVER_NS, NS_PER_S
 from are_ros.errors import FrameError, InputError
 from are_ros.world.rigid_transform import RigidTransform
 from are_ros.world.transforms.tree import FrameTree
@@ -26,7 +26,6 @@ _WATCHED: Final = 50
 """The delays of transforms are kept for this many readings that did not wait long enough."""
 _RECENT_NS: Final = 10 * NS_PER_S
 """And for so long."""
-_NEVER_NS: Final = -(2**63)
 _NUMBERS: Final = re.compile(r"\d[\d.]*")
 """In these the reasons of one kind differ: the stamps."""
 REACH: Final = 0.75
@@ -133,7 +132,7 @@ class SensorPath:
         self._too_early: deque[_Waiting] = deque(maxlen=_WATCHED)
         self._delays: deque[tuple[int, int]] = deque(maxlen=_WATCHED)
         """When a transform came too late, and how late [ns]."""
-        self._outage_ended_ns = _NEVER_NS
+        self._outage_ended_ns = NEVER_NS
         self._released: list[ReleasedReading] = []
 
     def push(self, topic: str, reading: Reading, received_ns: int) -> None:
@@ -190,7 +189,7 @@ class SensorPath:
         self._waiting.clear()
         self._too_early.clear()
         self._delays.clear()
-        self._outage_ended_ns = _NEVER_NS
+        self._outage_ended_ns = NEVER_NS
 
     def _watch_too_early(self, now_ns: int) -> None:
         """Measure the delay of transforms for readings that were released without them."""
