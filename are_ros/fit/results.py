@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,6 +12,7 @@ import yaml
 
 from are_ros.fit.observed import ObservedRows, RowSpace
 from are_ros.population.catalogue import Catalogue
+from are_ros.population.mixture import GoodnessOfFit
 from are_ros.population.mixture_fit import MixtureFit, Stop
 from are_ros.wording import aligned, counted, section
 
@@ -20,6 +22,8 @@ PICTURE: Final = "fit.png"
 RESULTS: Final = (PARAMETERS, RECORD, PICTURE)
 
 _RECORDED_STEPS: Final = 200
+_UNLIKELY: Final = 0.01
+"""Below this p-value a fit is said to be a bad one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +43,11 @@ class FitOutcome:
     seed: int
     catalogue_file: Path | None
 
+    @cached_property
+    def goodness(self) -> GoodnessOfFit | None:
+        """How well the chosen mixture explains the rows, None where they are too few to tell."""
+        return GoodnessOfFit.of(self.observed.counts, self.chosen.law)
+
 
 def outcome_lines(outcome: FitOutcome) -> list[str]:
     """Return what a person wants to know of a fit, as aligned lines of text."""
@@ -48,15 +57,16 @@ def outcome_lines(outcome: FitOutcome) -> list[str]:
     how = f"n = {chosen.components}, {'chosen by BIC' if outcome.is_by_bic else 'as given'}"
     lines = [f"{head} of {space.rows}", *outcome.observed.notes, ""]
     lines += section(f"Mixture ({how})", _component_lines(chosen, space.catalogue))
-    lines += [*cautions(chosen), ""] if cautions(chosen) else []
+    told = cautions(chosen, outcome.goodness)
+    lines += [*told, ""] if told else []
     if space.catalogue is not None:
         lines += section("Classes", _class_lines(outcome, space.catalogue))
     if outcome.is_by_bic:
         lines += section("Number of components", _bic_lines(outcome))
-    return [*lines, *_search_lines(chosen)]
+    return [*lines, _goodness_line(outcome), *_search_lines(chosen)]
 
 
-def cautions(fit: MixtureFit) -> list[str]:
+def cautions(fit: MixtureFit, goodness: GoodnessOfFit | None) -> list[str]:
     """Return a sentence for whatever about a fit must not be overlooked."""
     numbers = [f"{rate:.4g}" for rate in fit.law.rates]
     highest = [number for number, at in zip(numbers, fit.at_highest, strict=True) if at]
@@ -73,6 +83,9 @@ def cautions(fit: MixtureFit) -> list[str]:
         sentences.append(f"{what}; fewer may do")
     if fit.searches[0].stop is Stop.LIMIT:
         sentences.append(f"the search did not end by itself: {fit.searches[0].stop.value}")
+    if goodness is not None and goodness.most_p < _UNLIKELY:
+        what = "such rows hardly come from this mixture"
+        sentences.append(f"{what} ({_p_text(goodness)}): {PICTURE} shows where they differ")
     return sentences
 
 
@@ -112,7 +125,8 @@ def record_content(outcome: FitOutcome) -> dict[str, Any]:
             "chosen_by": "bic" if outcome.is_by_bic else "user",
             "probabilities": chosen.law.probabilities().tolist(),
             "classes": _class_content(outcome),
-            "cautions": cautions(chosen),
+            "goodness": None if outcome.goodness is None else outcome.goodness._asdict(),
+            "cautions": cautions(chosen, outcome.goodness),
         },
         "convergence": {
             "seed": outcome.seed,
@@ -192,6 +206,19 @@ def _bic_lines(outcome: FitOutcome) -> list[str]:
         for fit in outcome.fits
     ]
     return aligned(table, numbers=(0, 1, 2, 3))
+
+
+def _goodness_line(outcome: FitOutcome) -> str:
+    if outcome.goodness is None:
+        return "too few rows to tell how well the mixture explains them"
+    found = outcome.goodness
+    cells = f"chi-square {found.chi_square:.4g} in {found.cells} cells of neighbouring rows"
+    return f"goodness of fit: {cells}, {_p_text(found)}"
+
+
+def _p_text(goodness: GoodnessOfFit) -> str:
+    low, high = f"{goodness.least_p:.2g}", f"{goodness.most_p:.2g}"
+    return f"p {low}" if low == high else f"p {low} to {high}"
 
 
 def _search_lines(fit: MixtureFit) -> list[str]:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,7 @@ from are_ros.world.rigid_transform import product
 Numbers = npt.NDArray[np.float64]
 
 _LEAST_KEPT_MASS = 0.5
+_LEAST_EXPECTED = 5.0
 
 
 class TruncatedPoissonMixture:
@@ -74,6 +76,48 @@ class MixtureAmong:
     def sample(self, generator: np.random.Generator) -> int:
         """Draw a row by inversion, with exactly one uniform number of the generator."""
         return inverted(self._cumulative, generator)
+
+
+class GoodnessOfFit(NamedTuple):
+    """Pearson's chi-square of observed rows against a law fitted to them, in pooled cells.
+
+    Its p-value lies between `least_p` and `most_p`: with numbers fitted to the rows themselves, not
+    to the cells, the law of chi-square lies between those with `cells` - 1 degrees of freedom, and
+    one less for each number (Chernoff and Lehmann, 1954).
+    """
+
+    chi_square: float
+    cells: int
+    least_p: float
+    most_p: float
+
+    @classmethod
+    def of(cls, counts: npt.ArrayLike, law: TruncatedPoissonMixture) -> "GoodnessOfFit | None":
+        """Compare counts (rows,) with a law fitted to them; None where there are too few.
+
+        Neighbouring rows are pooled until each cell expects at least five.
+        """
+        from scipy.special import gammaincc
+
+        observed = np.asarray(counts, np.float64)
+        expected = observed.sum() * law.probabilities()
+        starts, since = [0], 0.0
+        for row, number in enumerate(expected.tolist()):
+            if since >= _LEAST_EXPECTED and expected[row:].sum() >= _LEAST_EXPECTED:
+                starts.append(row)
+                since = 0.0
+            since += number
+        fitted = 2 * len(law.rates) - 1
+        most = len(starts) - 1
+        if most <= fitted:
+            return None
+        expected = np.add.reduceat(expected, starts)
+        differences = np.add.reduceat(observed, starts) - expected
+        chi_square = float((differences**2 / expected).sum())
+        p_values = (
+            float(gammaincc(0.5 * free, 0.5 * chi_square)) for free in (most - fitted, most)
+        )
+        return cls(chi_square, len(starts), *p_values)
 
 
 def mixture_of(parameters: Parameters, catalogue: Catalogue) -> TruncatedPoissonMixture:

@@ -52,6 +52,20 @@ def test_the_parameters_are_what_node_and_replay_take(rows_file: Path, tmp_path:
     assert said == [f"results in {out}: fitted.yaml, fit.json, fit.png"]
 
 
+def test_how_well_the_mixture_explains_the_rows_is_told(rows_file: Path, tmp_path: Path) -> None:
+    """A good fit by its p-value, a bad one in a sentence of its own, and too few rows as such."""
+    lines, _ = run(FitOptions(rows_file, tmp_path / "good"))
+    assert any(line.startswith("goodness of fit: chi-square") for line in lines)
+    assert not any("such rows hardly come from this mixture" in line for line in lines)
+    content = json.loads((tmp_path / "good" / "fit.json").read_text(encoding="utf-8"))
+    assert 0.01 < content["mixture"]["goodness"]["least_p"] < 1.0
+    lines, _ = run(FitOptions(rows_file, tmp_path / "bad", components=1))
+    assert any("such rows hardly come from this mixture (p " in line for line in lines)
+    (tmp_path / "few.csv").write_text("3\n4\n5\n17\n", encoding="utf-8")
+    lines, _ = run(FitOptions(tmp_path / "few.csv", tmp_path / "few"))
+    assert "too few rows to tell how well the mixture explains them" in lines
+
+
 def test_the_record_holds_what_was_found(rows_file: Path, tmp_path: Path) -> None:
     """fit.json has the counts, the components with errors, BIC per n, and the climb."""
     run(FitOptions(rows_file, tmp_path, max_components=4))

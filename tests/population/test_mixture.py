@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import chisquare, poisson
+from scipy.stats import binomtest, chi2, chisquare, poisson
 
 from are_ros.errors import ParameterError
-from are_ros.population.mixture import TruncatedPoissonMixture
+from are_ros.population.mixture import GoodnessOfFit, TruncatedPoissonMixture
+from are_ros.population.mixture_fit import fit_mixture
 
 PAPER_RATES = (15.0, 7.0, 3.0, 21.0, 5.0)
 WEIGHTS = (0.7, 0.12, 0.08, 0.02, 0.08)
@@ -122,3 +123,50 @@ def test_just_over_half_of_the_mass_is_enough() -> None:
     TruncatedPoissonMixture((1.0,), (21.0,), 22)
     with pytest.raises(ParameterError, match=r"47\.1 %"):
         TruncatedPoissonMixture((1.0,), (21.0,), 21)
+
+
+def test_goodness_of_fit_is_that_of_scipy() -> None:
+    """Cells are pooled by hand here: rows 0 to 2, 3, ..., and the last ones together."""
+    law = TruncatedPoissonMixture((1.0,), (6.0,), 30)
+    counts = np.bincount(np.random.default_rng(3).poisson(6.0, 200), minlength=30)
+    pooled = [range(3), *([row] for row in range(3, 11)), range(11, 30)]
+    seen = [sum(int(counts[row]) for row in cell) for cell in pooled]
+    expected = [sum(200.0 * float(law.probabilities()[row]) for row in cell) for cell in pooled]
+    assert min(expected) >= 5.0
+    assert 200.0 * law.probabilities()[:2].sum() < 5.0
+    found = GoodnessOfFit.of(counts, law)
+    assert found is not None
+    assert found.cells == len(pooled)
+    assert found.chi_square == pytest.approx(chisquare(seen, expected).statistic)
+    bounds = (chi2.sf(found.chi_square, 8), chi2.sf(found.chi_square, 9))
+    assert (found.least_p, found.most_p) == pytest.approx(bounds)
+
+
+def test_the_p_values_of_right_fits_lie_about_uniform_ones() -> None:
+    """Of 300 fits to samples of such a mixture; two-sided binomial tests at 0.001 (fixed seed)."""
+    law, rng = TruncatedPoissonMixture((0.3, 0.7), (4.0, 18.0), 42), np.random.default_rng(5)
+    found = []
+    for _ in range(300):
+        counts = rng.multinomial(1_000, law.probabilities())
+        found.append(GoodnessOfFit.of(counts, fit_mixture(counts, 2).law))
+    for level in (0.1, 0.5):
+        fewest = sum(one is not None and one.most_p < level for one in found)
+        most = sum(one is not None and one.least_p < level for one in found)
+        assert fewest < most
+        assert binomtest(fewest, 300, level, "greater").pvalue > 0.001
+        assert binomtest(most, 300, level, "less").pvalue > 0.001
+
+
+def test_rows_of_another_law_do_not_fit() -> None:
+    """Even rows only: each is likely, and no mixture of one rate gives them."""
+    counts = 40 * (1 - np.arange(42) % 2) * (np.abs(np.arange(42) - 12) < 8)
+    found = GoodnessOfFit.of(counts, fit_mixture(counts, 1).law)
+    assert found is not None
+    assert found.most_p < 1e-9
+
+
+def test_too_few_rows_tell_nothing_of_the_fit() -> None:
+    """No cell is left beside the fitted numbers."""
+    law = TruncatedPoissonMixture((0.5, 0.5), (4.0, 18.0), 42)
+    counts = np.bincount([3, 4, 5, 17, 18, 19], minlength=42)
+    assert GoodnessOfFit.of(counts, law) is None
