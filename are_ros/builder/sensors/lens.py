@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,9 @@ from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.cameras import CameraInfo, FisheyeView, PinholeView
 from are_ros.world.rigid_transform import RigidTransform, product
 
+_SLACK: Final = 1e-5
+"""Of distances that are found in single precision, as a share of the farthest."""
+
 _Floats = npt.NDArray[np.float64]
 _Indices = npt.NDArray[np.int64]
 
@@ -25,13 +28,14 @@ _Indices = npt.NDArray[np.int64]
 class DepthTiles(NamedTuple):
     """The rays of a view in T tiles, for the kernels.
 
-    `rays` float64 (T, 3, PIXELS) go to 1 m of depth. `rows` and `columns` int64 (T, PIXELS) are
-    those of their pixels, and `valid` bool (T, PIXELS) tells which have such a ray: a pixel of a
-    fisheye that looks aside or back has none. `axes` float32 (T, 3) and `spreads` float32 (T,) are
-    as in `rays.Tiles`, of all pixels that look anywhere.
+    `rays` float64 (T, 3, PIXELS) go to 1 m of depth; none is longer than `longest_m` (T,). `rows`
+    and `columns` int64 (T, PIXELS) are those of their pixels, and `valid` bool (T, PIXELS) tells
+    which have such a ray: a pixel of a fisheye that looks aside or back has none. `axes` float32
+    (T, 3) and `spreads` float32 (T,) are as in `rays.Tiles`, of all pixels that look anywhere.
     """
 
     rays: _Floats
+    longest_m: _Floats
     rows: _Indices
     columns: _Indices
     valid: npt.NDArray[np.bool_]
@@ -85,8 +89,10 @@ class Lens:
         columns = cones.first_pixels[:, :1] + right
         is_inside = (rows < self.view.height) & (columns < self.view.width)
         rows, columns = np.where(is_inside, rows, 0), np.where(is_inside, columns, 0)
+        in_tiles = np.ascontiguousarray(rays[rows, columns].transpose(0, 2, 1))
         return DepthTiles(
-            np.ascontiguousarray(rays[rows, columns].transpose(0, 2, 1)),
+            in_tiles,
+            np.maximum(np.linalg.norm(in_tiles, axis=1).max(axis=1), 1.0),
             rows,
             columns,
             is_inside & is_valid[rows, columns],
@@ -121,11 +127,15 @@ class Lens:
 
     def tiles_towards(self, map_from_camera: RigidTransform, boxes: OrientedBoxes) -> _Indices:
         """Return the tiles (K,) in which a ray may meet one of the boxes, int64."""
-        matrix = map_from_camera.rotation_matrix()
-        axes = product(self.tiles.axes, matrix.T).astype(np.float32)
+        axes = self._axes_in_map(map_from_camera)
         no_meshes = MeshSelection.boxes_only(len(boxes))
         seen = boxes_seen_from(map_from_camera.translation_m, boxes, no_meshes.indices)
         return np.flatnonzero(_are_met(axes, self.tiles.spreads, seen))
+
+    def _axes_in_map(self, map_from_camera: RigidTransform) -> npt.NDArray[np.float32]:
+        matrix = map_from_camera.rotation_matrix()
+        axes: npt.NDArray[np.float32] = product(self.tiles.axes, matrix.T).astype(np.float32)
+        return axes
 
     def lower_depths(
         self,
@@ -141,15 +151,19 @@ class Lens:
         inside a box its depth is 0.
         """
         tiles = self.tiles
+        seen = boxes_seen_from(map_from_camera.translation_m, boxes, shapes.indices)
+        beside_m = np.maximum(np.abs(seen.cameras_m) - seen.halves_m, 0.0)
         _lower_depths(
             tiles.rays,
-            tiles.axes,
+            self._axes_in_map(map_from_camera),
             tiles.spreads,
             which,
             map_from_camera.rotation_matrix(),
             map_from_camera.translation_m,
             boxes.packed,
-            boxes_seen_from(map_from_camera.translation_m, boxes, shapes.indices),
+            seen,
+            np.linalg.norm(beside_m, axis=0) - _SLACK * seen.far_m,
+            tiles.longest_m[which] * depths_m.max(axis=1),
             shapes.pool.tree,
             depths_m,
         )
@@ -184,27 +198,27 @@ def _lower_depths(
     camera_m: _Floats,
     packed: _Floats,
     boxes: Boxes,
+    near_m: npt.NDArray[np.float32],
+    reach_m: _Floats,
     tree: Tree,
     depths_m: _Floats,
 ) -> None:
     """Lower the depths of the tiles `which` (K,), tile by tile and box by box.
 
-    `boxes` are as in `Boxes`, and `packed` the same with the full precision.
+    `axes` (T, 3) are those of all tiles, in the map frame. `boxes` are as in `Boxes`, and `packed`
+    the same with the full precision. No box (N,) is nearer than `near_m`, and no depth of a tile
+    (K,) lies farther than `reach_m`: most boxes behind walls are left out.
     """
     found = np.empty(packed.shape[0] + 1, dtype=np.int64)
-    axis, turned_axis = np.empty(3, dtype=np.float32), np.empty(3)
-    camera, turned = np.empty(3), np.empty((3, PIXELS))
+    camera, turned_axis, turned = np.empty(3), np.empty(3), np.empty((3, PIXELS))
     corners, matrix = np.empty(6), np.empty((3, 3))
     for k in range(which.size):
         tile = which[k]
-        for row in range(3):
-            axis[row] = (
-                map_from_camera[row, 0] * axes[tile, 0]
-                + map_from_camera[row, 1] * axes[tile, 1]
-                + map_from_camera[row, 2] * axes[tile, 2]
-            )
+        axis = axes[tile]
         for candidate in range(find_candidates(axis, spreads[tile], boxes, found)):
             box = found[candidate]
+            if near_m[box] > reach_m[k]:
+                continue
             cosine, sine = packed[box, 3], packed[box, 4]
             x, y = camera_m[0] - packed[box, 0], camera_m[1] - packed[box, 1]
             camera[0], camera[1] = cosine * x + sine * y, cosine * y - sine * x

@@ -82,8 +82,9 @@ def _first_hits(
 ) -> None:
     """Lower each hit [m] of rays (3, K) to the first on any box or mesh.
 
-    `boxes` as `OrientedBoxes.packed`. Only rays that meet the ball around a box are cast; all are
-    tested first, in a loop without branches, which the compiler vectorises.
+    `boxes` as `OrientedBoxes.packed`. Only rays that meet the ball around a box are cast, if their
+    limits reach it; all are tested first, in a loop without branches, which the compiler
+    vectorises.
     """
     xs, ys, zs = rays[0], rays[1], rays[2]
     may_meet, corners = np.empty(xs.size, np.bool_), np.empty(6)
@@ -96,9 +97,10 @@ def _first_hits(
         radius2 = corners[3] ** 2 + corners[4] ** 2 + corners[5] ** 2
         tangent2 = away2 - radius2 * (1.0 + _SLACK) - _SLACK * away2
         least = np.sqrt(tangent2) if tangent2 > 0.0 else -np.inf
+        near = np.sqrt(away2) * (1.0 - _SLACK) - np.sqrt(radius2)
         for ray in range(xs.size):
             along = xs[ray] * middle[0] + ys[ray] * middle[1] + zs[ray] * middle[2]
-            may_meet[ray] = along >= least
+            may_meet[ray] = (along >= least) & (limits_m[ray] >= near)
         cosine, sine, oz = boxes[box, 3], boxes[box, 4], -apart[2]
         ox = -cosine * apart[0] - sine * apart[1]
         oy = sine * apart[0] - cosine * apart[1]
