@@ -13,10 +13,10 @@ from are_ros.builder.spawning.requests import Requests, SpawnRequest
 from are_ros.builder.tick import Demand, Tick, TickSchedule
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, InputError
-from are_ros.messages.feed import Decoding, Feed, RawMessage
+from are_ros.messages.feed import OTHER_CAMERA, Decoding, Feed, RawMessage
 from are_ros.messages.goals import read_clicked_point
 from are_ros.messages.maps import encode_grid, read_grid
-from are_ros.messages.sensors import SENSORS, SensorOutputs, sensor_topics
+from are_ros.messages.sensors import CAMERA_INFO, SENSORS, SensorOutputs, sensor_topics
 from are_ros.messages.tick_encoding import ALL_OUTPUTS, OCTOMAP, TickEncoder
 from are_ros.node.watches import MINUTE_NS, PREPARING, CallbackTimer, FaultWatch, TickWatch
 from are_ros.parameters.choices import CostmapGate, SensorGate
@@ -31,7 +31,15 @@ _BACKLOG_NS: Final = NS_PER_S
 _MOST_MISSED_NS: Final = 5 * NS_PER_S
 """Time that the node has missed is simulated afterwards, up to this; beyond it, artefacts stand
 still instead: else each standstill would take longer than the one before."""
-_LATCHED: Final = ("map", "octomap_point_cloud_centers", "tf_static")
+_LATCHED: Final = (
+    "map",
+    "octomap_point_cloud_centers",
+    "tf_static",
+    "camera/camera_info",
+    OTHER_CAMERA,
+    CAMERA_INFO,
+)
+"""These may have been latched, and do not come again."""
 _COSTLY: Final = ("map", "octomap_point_cloud_centers")
 """These take long to process: they are processed on arrival, not before the next tick."""
 _MOST_KEPT: Final = 1000
@@ -140,12 +148,12 @@ class LiveBuilder:
         return self.is_running and (role in SENSORS or role in _COSTLY or is_awaited)
 
     def _keep(self, role: str, message: RawMessage) -> None:
-        """Keep latched inputs until the time is known: the newest map and cloud, all statics."""
+        """Keep latched inputs until the time is known: the newest of each, and all statics."""
         replaced = [
             stored
             for stored in self._stored
             if stored.message.topic == message.topic
-            and (role in _COSTLY or stored.message.data == message.data)
+            and (role != "tf_static" or stored.message.data == message.data)
         ]
         for stored in replaced:
             self._stored.remove(stored)

@@ -5,6 +5,7 @@ from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.qos import (
@@ -32,33 +33,36 @@ class InputTopic(NamedTuple):
     depth: int = 10
     topic: str = ""
     """Its topic where that is not the role's own name, relative to the node's namespace."""
+    follows: bool = False
+    """It is latched, and reliable then, where its publishers latch it."""
+    is_first_latched: bool = False
+    """It is latched, too, as long as no publisher is known."""
 
 
 INPUTS: Final[Mapping[str, InputTopic]] = MappingProxyType(
     {
         "map": InputTopic("nav_msgs/msg/OccupancyGrid", True, True, 1),
-        "octomap_point_cloud_centers": InputTopic("sensor_msgs/msg/PointCloud2", True, depth=1),
+        "octomap_point_cloud_centers": InputTopic(
+            "sensor_msgs/msg/PointCloud2", True, depth=1, follows=True, is_first_latched=True
+        ),
         "odom": InputTopic("nav_msgs/msg/Odometry", depth=50),
         **{role: InputTopic(kind.type_name) for role, kind in SENSORS.items()},
-        "camera/camera_info": InputTopic(CAMERA_INFO_TYPE, depth=5),
-        OTHER_CAMERA: InputTopic(CAMERA_INFO_TYPE, depth=5),
-        CAMERA_INFO: InputTopic(CAMERA_INFO_TYPE, depth=5),
+        "camera/camera_info": InputTopic(CAMERA_INFO_TYPE, depth=5, follows=True),
+        OTHER_CAMERA: InputTopic(CAMERA_INFO_TYPE, depth=5, follows=True),
+        CAMERA_INFO: InputTopic(CAMERA_INFO_TYPE, depth=5, follows=True),
         "tf": InputTopic("tf2_msgs/msg/TFMessage", True, depth=100, topic="/tf"),
         "tf_static": InputTopic("tf2_msgs/msg/TFMessage", True, True, 100, "/tf_static"),
         "clicked_point": InputTopic("geometry_msgs/msg/PointStamped", True),
         "plan": InputTopic("nav_msgs/msg/Path", True, depth=1),
     }
 )
-"""The inputs by role. The cloud of voxels is latched where its publishers latch it."""
+"""The inputs by role."""
 
 _OTHER_OUTPUT: Final = OutputTopic("")
 """Augmented sensor data and the diagnostics are offered like this."""
 
-_POLICIES_BUT_DURABILITY: Final = (
-    QoSPolicyKind.HISTORY,
-    QoSPolicyKind.DEPTH,
-    QoSPolicyKind.RELIABILITY,
-)
+_POLICIES_OF_LATCHED: Final = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH)
+_POLICIES_BUT_DURABILITY: Final = (*_POLICIES_OF_LATCHED, QoSPolicyKind.RELIABILITY)
 _POLICIES: Final = (*_POLICIES_BUT_DURABILITY, QoSPolicyKind.DURABILITY)
 
 
@@ -92,14 +96,19 @@ def subscribe(
     The parameters qos_overrides.<full topic>.subscription.{history, depth, reliability,
     durability} go before the table; ParameterError if one makes no sense, NodeError if the message
     is not installed. A `qos_profile` goes before the table too, and its durability before any
-    override: rclpy would hold on to that of a topic's first subscription. `options` go to rclpy.
+    override, with the reliability of a latched one: rclpy would hold on to those of a topic's first
+    subscription. `options` go to rclpy.
     """
     name = topic or INPUTS[role].topic or role
+    policies: Iterable[QoSPolicyKind] = _POLICIES
+    if qos_profile is not None:
+        is_latched = qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        policies = _POLICIES_OF_LATCHED if is_latched else _POLICIES_BUT_DURABILITY
     return _created(
         node.create_subscription,
         input_type(role, name),
         name,
-        policies=_POLICIES if qos_profile is None else _POLICIES_BUT_DURABILITY,
+        policies=policies,
         qos_profile=qos_profile or input_qos(role),
         callback=callback,
         **options,
@@ -123,15 +132,62 @@ def advertise(
 
 
 def is_latched_by_all(node: Node, topic: str) -> bool | None:
-    """Return whether all publishers of a topic are transient local; None while there is none.
+    """Return whether all publishers of a topic latch, reliably; None while there is none.
 
     A latched subscription gets nothing from a publisher that does not latch, and another one gets
     nothing that was latched before: an input that comes either way has to follow its publishers.
+    Nor does one of them get that by best effort.
     """
     offers = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
     if not offers:
         return None
-    return all(offer.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for offer in offers)
+    latched = DurabilityPolicy.TRANSIENT_LOCAL, ReliabilityPolicy.RELIABLE
+    profiles = [offer.qos_profile for offer in offers]
+    return all((profile.durability, profile.reliability) == latched for profile in profiles)
+
+
+class InputSubscription:
+    """A subscription to the input of a role, made anew by `follow` where its publishers ask for it.
+
+    `topic`, `options` and errors are those of `subscribe`.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        role: str,
+        callback: Callable[..., None],
+        topic: str = "",
+        **options: Any,
+    ) -> None:
+        self._node, self._role, self._topic = node, role, topic or INPUTS[role].topic or role
+        self._callback, self._options = callback, options
+        self.is_latched = INPUTS[role].is_latched or INPUTS[role].is_first_latched
+        """Whether it gets what was latched before."""
+        self.subscription = self._subscribed()
+
+    def follow(self) -> None:
+        """Subscribe anew if the publishers of an input that follows them latch otherwise."""
+        if not INPUTS[self._role].follows:
+            return
+        is_latched = is_latched_by_all(self._node, self._topic)
+        if is_latched is None or is_latched == self.is_latched:
+            return
+        self.is_latched = is_latched
+        self._node.destroy_subscription(self.subscription)
+        self.subscription = self._subscribed()
+
+    def _subscribed(self) -> Any:
+        options = self._options
+        if INPUTS[self._role].follows:
+            # Without a callback rclpy warns; `follow` adapts the subscription.
+            events = SubscriptionEventCallbacks(incompatible_qos=lambda _: None)
+            options = {**options, "qos_profile": self._profile(), "event_callbacks": events}
+        return subscribe(self._node, self._role, self._callback, self._topic, **options)
+
+    def _profile(self) -> QoSProfile:
+        depth = INPUTS[self._role].depth
+        return _profile(True, True, depth) if self.is_latched else input_qos(self._role)
 
 
 def _profile(is_reliable: bool, is_latched: bool, depth: int) -> QoSProfile:

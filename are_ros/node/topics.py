@@ -7,9 +7,7 @@ from time import monotonic_ns
 from typing import Any, Final, NamedTuple
 
 from rclpy.duration import Duration
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy
 from rclpy.serialization import deserialize_message
 
 from are_ros.errors import InputError, NodeError, ParameterError
@@ -31,14 +29,7 @@ from are_ros.messages.transforms import (
     read_transforms,
 )
 from are_ros.node.message_classes import message_class
-from are_ros.node.qos import (
-    INPUTS,
-    advertise,
-    input_qos,
-    input_type,
-    is_latched_by_all,
-    subscribe,
-)
+from are_ros.node.qos import INPUTS, InputSubscription, advertise, input_type
 from are_ros.node.watches import InputSnapshot, InputWatch
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import INFO_MARK, Parameters, SensorsParameters
@@ -87,6 +78,8 @@ def _malformed(message: WireMessage) -> InputError:
 _CLOUD: Final = "octomap_point_cloud_centers"
 _ALWAYS: Final = ("map", _CLOUD, "odom", "camera/camera_info", "tf", "tf_static", "plan")
 _REQUIRED: Final = ("map",)
+_COME_ONCE: Final = (_CLOUD, "plan", "clicked_point")
+"""These come once, or when somebody wants, also from publishers that do not latch."""
 
 Store = Callable[[WireMessage], None]
 
@@ -94,10 +87,10 @@ Store = Callable[[WireMessage], None]
 class Subscriptions:
     """Subscribes to all inputs, each by its role; `store` gets each message.
 
-    `cameras` are the topics of `camera.others`. The cloud's subscription follows its publishers:
-    latched if they all latch, else not. An input whose message package is not installed is left
-    out, and `say` gets a sentence. Raises ParameterError where an override of its QoS makes no
-    sense.
+    `cameras` are the topics of `camera.others`. The subscriptions to the cloud and to CameraInfo
+    follow their publishers: latched if they all latch, else not. An input whose message package is
+    not installed is left out, and `say` gets a sentence. Raises ParameterError where an override of
+    its QoS makes no sense.
     """
 
     def __init__(
@@ -112,8 +105,7 @@ class Subscriptions:
         self.watches: dict[str, InputWatch] = {}
         self._node = node
         self._store = store
-        self._subscriptions: dict[str, Any] = {}
-        self._is_cloud_latched = True
+        self._subscriptions: dict[str, InputSubscription] = {}
         asked = [(role, "") for role in (*_ALWAYS, "clicked_point")]
         asked += [(OTHER_CAMERA, topic) for topic in cameras]
         for kind in SENSORS.values():
@@ -135,22 +127,17 @@ class Subscriptions:
         return any(self._node.count_publishers(topic) for topic in topics)
 
     def follow_publishers(self) -> None:
-        """Subscribe to the cloud anew if its publishers offer it otherwise than was asked for."""
-        topic = next((topic for topic, role in self.roles.items() if role == _CLOUD), None)
-        if topic is None:
-            return
-        is_latched = is_latched_by_all(self._node, topic)
-        if is_latched is None or is_latched == self._is_cloud_latched:
-            return
-        self._is_cloud_latched = is_latched
-        self._node.destroy_subscription(self._subscriptions[topic])
-        self._subscriptions[topic] = self._subscribed(_CLOUD, topic)
+        """Subscribe anew to what its publishers offer otherwise than was asked for."""
+        for subscription in self._subscriptions.values():
+            subscription.follow()
 
     def waiting(self, roles: Container[str]) -> Iterator[WireMessage]:
         """Take and yield the messages that DDS holds of some roles, topic by topic."""
         for topic, role in self.roles.items():
-            subscription = self._subscriptions.get(topic) if role in roles else None
-            while subscription is not None:
+            if role not in roles or topic not in self._subscriptions:
+                continue
+            subscription = self._subscriptions[topic].subscription
+            while True:
                 with subscription.handle:
                     taken = subscription.handle.take_message(
                         subscription.msg_type, subscription.raw
@@ -174,21 +161,21 @@ class Subscriptions:
                 f"{role}{topic}" if is_one_of_several else role,
                 topic,
                 is_required=role in _REQUIRED,
-                is_latched=INPUTS[role].is_latched or role in {_CLOUD, "plan", "clicked_point"},
+                is_latched=self._subscriptions[topic].is_latched or role in _COME_ONCE,
                 publishers=self._node.count_publishers(topic),
                 asked=self._asked_of(topic),
             )
 
     def _asked_of(self, topic: str) -> str:
         """Return the reliability and durability that the publishers of a topic need."""
-        profile = self._subscriptions[topic].qos_profile
+        profile = self._subscriptions[topic].subscription.qos_profile
         policies = profile.reliability, profile.durability
         return ", ".join(policy.name.lower().replace("_", " ") for policy in policies)
 
     def close(self) -> None:
         """Unsubscribe from all inputs."""
-        for subscription in self._subscriptions.values():
-            self._node.destroy_subscription(subscription)
+        for one in self._subscriptions.values():
+            self._node.destroy_subscription(one.subscription)
         self._subscriptions.clear()
 
     def _open(self, role: str, topic: str, say: Callable[[str], None]) -> None:
@@ -197,23 +184,16 @@ class Subscriptions:
         if known is not None:
             raise ParameterError(f"topic '{asked}' is given twice, for {known} and for {role}")
         try:
-            subscription = self._subscribed(role, asked)
+            one = self._subscribed(role, asked)
         except NodeError as cause:
             say(f"{asked} is not received: {cause}")
             return
-        name = subscription.topic_name
+        name = one.subscription.topic_name
         self.roles[name] = role
         self.watches[name] = InputWatch()
-        self._subscriptions[name] = subscription
+        self._subscriptions[name] = one
 
-    def _subscribed(self, role: str, topic: str) -> Any:
-        options: dict[str, Any] = {"raw": True}
-        if role == _CLOUD:
-            profile = options["qos_profile"] = input_qos(_CLOUD)
-            if self._is_cloud_latched:
-                profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
-            # Without a callback rclpy warns; `follow_publishers` adapts the subscription.
-            options["event_callbacks"] = SubscriptionEventCallbacks(incompatible_qos=lambda _: None)
+    def _subscribed(self, role: str, topic: str) -> InputSubscription:
         name = self._resolved(topic)
         type_name = input_type(role, topic)
 
@@ -221,7 +201,7 @@ class Subscriptions:
             self.watches[name].received(monotonic_ns())
             self._store(WireMessage(name, type_name, data))
 
-        return subscribe(self._node, role, take, topic, **options)
+        return InputSubscription(self._node, role, take, topic, raw=True)
 
     def _resolved(self, topic: str) -> str:
         return full_name(self._node, topic)

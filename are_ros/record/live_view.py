@@ -31,7 +31,7 @@ from are_ros.messages.feed import OTHER_CAMERA
 from are_ros.messages.sensors import sensor_outputs
 from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.node.message_classes import message_class, service_class
-from are_ros.node.qos import INPUTS, output_qos, subscribe
+from are_ros.node.qos import INPUTS, InputSubscription, output_qos
 from are_ros.node.startup import executor_of, ros_session, stop_on_signals
 from are_ros.parameters.declaration import Description, describe, value_at, with_values
 from are_ros.parameters.model import Parameters
@@ -49,6 +49,7 @@ _ATTEMPTS: Final = 6
 _ANSWER_S: Final = 5.0
 """For an answer while somebody looks at the scene, which stands still meanwhile."""
 _SILENCE_S: Final = 3.0
+_FOLLOW_S: Final = 1.0
 _WAY_TICKS: Final = 100
 _DRAW_WAYS_EVERY: Final = 10
 _SLIDER_STEPS: Final = 200
@@ -193,8 +194,9 @@ class LiveView:
         self._shown_revision = -1
         self.ticks: deque[Moment] = deque(maxlen=_WAY_TICKS)
         self._count = 0
-        self._heard_s = time.monotonic()
+        self._heard_s = self._followed_s = time.monotonic()
         self._is_silent = False
+        self._inputs: list[InputSubscription] = []
         self.sliders: dict[str, Any] = {}
         """The handles of the sliders, by the paths of their parameters."""
         self._reader = SceneReader(parameters, self._show, has_camera_info=True, is_live=True)
@@ -206,7 +208,11 @@ class LiveView:
         remote.patience_s = _ANSWER_S
 
     def work(self) -> None:
-        """Carry out the requests from the browser, and show the answers there."""
+        """Follow the publishers, carry out the browser's requests, and show the answers there."""
+        if time.monotonic() - self._followed_s > _FOLLOW_S:
+            self._followed_s = time.monotonic()
+            for one in self._inputs:
+                one.follow()
         if self.ticks and not self._is_silent and time.monotonic() - self._heard_s > _SILENCE_S:
             self._is_silent = True
             self.counts.content = (
@@ -233,10 +239,12 @@ class LiveView:
         places = dict.fromkeys(("", remote.namespace))
         transforms = [(role, f"{place}/{role}") for role in ("tf", "tf_static") for place in places]
         for role, topic in (*transforms, *topics):
-            subscribe(node, role, self._callback(role, INPUTS[role].type_name), topic)
+            callback = self._callback(role, INPUTS[role].type_name)
+            self._inputs.append(InputSubscription(node, role, callback, topic))
         for topic, role in other_camera_roles(self._parameters).items():
             callback = self._callback(role, INPUTS[OTHER_CAMERA].type_name)
-            subscribe(node, OTHER_CAMERA, callback, remote.topic(topic))
+            one = InputSubscription(node, OTHER_CAMERA, callback, remote.topic(topic))
+            self._inputs.append(one)
         outputs = {name: (name, OUTPUTS[name].type_name) for name in ("artefacts", "perceived")}
         for name in sensor_outputs(dict.fromkeys(scans, "scan")).values():
             outputs[name] = (AUGMENTED_SCAN, INPUTS["scan"].type_name)

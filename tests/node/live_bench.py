@@ -136,7 +136,7 @@ class Bench:
             self.until(made.get_subscription_count)
             subscriptions = self.node._inputs._subscriptions if self.node._inputs else {}
             if topic in subscriptions:
-                self.until(subscriptions[topic].get_publisher_count)
+                self.until(subscriptions[topic].subscription.get_publisher_count)
         return self.publishers[topic]
 
     def send(self, role: str, message: Any, topic: str = "", qos: QoSProfile | None = None) -> None:

@@ -2,6 +2,7 @@
 
 from array import array
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import cv2
@@ -16,6 +17,7 @@ pytest.importorskip("rclpy", reason=NOT_SET_UP)
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from are_ros.node.watches import InputWatch
 from tests.node.live_bench import DELETE_ALL, LATCHED, Bench
 from tests.node.live_scene import (
     FACTORY,
@@ -183,6 +185,52 @@ def test_the_last_latched_cloud_is_there_for_a_node_that_comes_later(
     bench.until(lambda: latched.get_subscription_count() == 1)
     volatile.publish(cloud([(0.55, 0.55, 0.05)]))
     bench.until(lambda: watch.count == 2)
+
+
+def test_a_camera_info_that_was_latched_once_is_there_for_a_node_that_comes_later(
+    make_bench: MakeBench,
+) -> None:
+    """It does not come again; and it counts, too, where it comes before the first /clock."""
+    bench = make_bench({"camera.model": "auto"})
+    kind = type(camera_info(0.0))
+    latched = bench.user.create_publisher(kind, "/camera/camera_info", LATCHED)
+    latched.publish(camera_info(0.0, frame_id="base_link"))
+    bench.until(lambda: bench.node.count_publishers("/camera/camera_info"))
+    assert bench.change_state("configure", "activate")
+    assert bench.node._inputs is not None
+    watch = bench.node._inputs.watches["/camera/camera_info"]
+    bench.until(lambda: watch.count == 1)
+    bench.clock(1000.0)
+    bench.send("map", room())
+    bench.send("tf", robot_at(1000.0))
+    bench.tick(1000.1)
+    assert bench.node.live is not None
+    assert bench.node.live.builder.camera is not None
+
+
+def test_a_camera_info_is_received_latched_and_not_and_after_a_switch(
+    make_bench: MakeBench,
+) -> None:
+    """The subscription follows its publishers while the node runs, within a second or two."""
+    bench = make_bench({}, "configure", "activate")
+    kind, topic = type(camera_info(0.0)), "/camera/camera_info"
+    assert bench.node._inputs is not None
+    watch = bench.node._inputs.watches[topic]
+    for qos in (LATCHED, BEST_EFFORT, LATCHED):
+        before = watch.count
+        publisher = bench.user.create_publisher(kind, topic, qos)
+        if qos is BEST_EFFORT:
+            bench.until(publisher.get_subscription_count)
+        publisher.publish(camera_info(0.0))
+        bench.until(partial(has_come, watch, before))
+        bench.user.destroy_publisher(publisher)
+        bench.until(lambda: bench.node.count_publishers(topic) == 0)
+    assert bench.warnings() == []
+
+
+def has_come(watch: InputWatch, before: int) -> bool:
+    """Tell whether more has come of an input."""
+    return watch.count > before
 
 
 def test_qos_can_be_overridden_by_parameters(make_bench: MakeBench) -> None:

@@ -18,7 +18,13 @@ from bags.simulation.making import RosbagsFactory, make_grid
 
 GRID = "nav_msgs/msg/OccupancyGrid"
 NOW_NS = 1_000_000_000_000
-ROLES = {"/map": "map", "/tf_static": "tf_static", "/tf": "tf", "/scan": "scan"}
+ROLES = {
+    "/map": "map",
+    "/tf_static": "tf_static",
+    "/tf": "tf",
+    "/scan": "scan",
+    "/camera/camera_info": "camera/camera_info",
+}
 
 
 class Message(NamedTuple):
@@ -89,12 +95,16 @@ def live(outlet: OutputSink) -> LiveBuilder:
 
 
 def test_before_the_time_is_known_only_the_newest_map_is_kept(live: LiveBuilder) -> None:
-    """However many come; the same statics once; what is not latched not at all."""
+    """However many come; the same statics once; what is never latched not at all."""
     for value in range(100):
         live.store(map_message(20, value % 3), 0)
+        live.store(Message("/camera/camera_info", b"%d" % value), 0)
         live.store(Message("/tf_static", b"same"), 0)
         live.store(Message("/tf", b"moving"), 0)
-    assert sorted(stored.message.topic for stored in live._stored) == ["/map", "/tf_static"]
+    kept = {stored.message.topic: stored.message.data for stored in live._stored}
+    assert sorted(kept) == ["/camera/camera_info", "/map", "/tf_static"]
+    assert len(live._stored) == 3
+    assert kept["/camera/camera_info"] == b"99"
     live.work(NOW_NS)
     grid = live.builder.world.grid
     assert grid is not None

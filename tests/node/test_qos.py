@@ -19,6 +19,7 @@ from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.node.message_classes import message_class
 from are_ros.node.qos import (
     INPUTS,
+    InputSubscription,
     advertise,
     input_qos,
     is_latched_by_all,
@@ -204,6 +205,42 @@ def test_an_input_can_follow_its_publishers(ros: RosWorld) -> None:
         assert (subscription.qos_profile.durability == LATCHED) == found[-1]
         node.destroy_subscription(subscription)
     assert found == [None, True, False]
+
+
+@pytest.mark.parametrize("role", [role for role, entry in INPUTS.items() if entry.follows])
+def test_what_was_latched_comes_to_a_subscription_that_follows(ros: RosWorld, role: str) -> None:
+    """By best effort nothing of it would come; an override of the other one changes nothing."""
+    kind = message_class(INPUTS[role].type_name)
+    topic = f"/some/{role}"
+    override = {f"qos_overrides.{topic}.subscription.reliability": "best_effort"}
+    node, other = ros.make_node("ar_builder", parameters=override), ros.make_node("other")
+    received: list[Any] = []
+    subscription = InputSubscription(node, role, received.append, topic)
+    assert subscription.is_latched == (role == "octomap_point_cloud_centers")
+    other.create_publisher(kind, topic, input_qos("map")).publish(kind())
+    ros.spin_until(partial(has_publishers, node, topic, 1))
+    subscription.follow()
+    assert subscription.is_latched
+    ros.spin_until(lambda: received)
+    found = endpoints(node, topic)
+    assert [one.qos_profile.reliability for one in found] == [ReliabilityPolicy.RELIABLE]
+
+
+def test_publishers_that_latch_by_best_effort_are_followed_as_if_they_did_not(
+    ros: RosWorld,
+) -> None:
+    """A subscription that gets what was latched is reliable: they would not serve it."""
+    node, other = ros.make_node("ar_builder"), ros.make_node("other")
+    profile = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT, durability=LATCHED)
+    kind = message_class(INPUTS["camera/camera_info"].type_name)
+    other.create_publisher(kind, "info", profile)
+    ros.spin_until(partial(has_publishers, node, "info", 1))
+    assert is_latched_by_all(node, "info") is False
+
+
+def endpoints(node: Any, topic: str) -> list[Any]:
+    """Return what DDS knows of the subscriptions of a topic."""
+    return list(node.get_subscriptions_info_by_topic(topic))
 
 
 def has_publishers(node: Any, topic: str, count: int) -> bool:

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from tests.ros import NOT_SET_UP, WAIT_S
+from tests.ros import NOT_SET_UP, WAIT_S, nap, wait_until
 
 pytest.importorskip("rclpy", reason=NOT_SET_UP)
 
@@ -117,6 +117,44 @@ def test_a_robot_may_have_a_namespace_and_its_transforms_there(ros_available: No
                 looking(),
             ):
                 pass
+
+
+@needs_viser
+def test_what_was_latched_before_is_shown(ros_available: None) -> None:
+    """A cloud of voxels and a CameraInfo that do not come again, and the map."""
+    del ros_available
+    from tests.node.live_bench import LATCHED
+    from tests.node.live_scene import camera_info, cloud, room, wall_voxels
+
+    latched = {
+        "/map": room(),
+        "/octomap_point_cloud_centers": cloud(wall_voxels()),
+        "/camera/camera_info": camera_info(0.0),
+    }
+    server = start_server(0)
+    try:
+        with (
+            ros_session("robot") as robot,
+            ros_session("are_viewer") as node,
+            executor_of(node) as executor,
+        ):
+            for topic, message in latched.items():
+                robot.create_publisher(type(message), topic, LATCHED).publish(message)
+            wait_until(lambda: all(map(node.count_publishers, latched)), nap)
+            remote = RemoteNode(node, executor, "", lambda: False)
+            live = LiveView(server, remote, Parameters())
+            reader = live._reader
+
+            def turn() -> None:
+                executor.spin_once(timeout_sec=0.05)
+                live.work()
+
+            wait_until(
+                lambda: reader.grid is not None and reader.voxels() is not None and reader.camera,
+                turn,
+            )
+    finally:
+        stop_server(server)
 
 
 def answering(call: Callable[[object], SimpleNamespace], patience_s: float) -> RemoteNode:
