@@ -71,6 +71,8 @@ _SENTENCES = (
 
 _CUT_OFF = ("EndOfFile", "RecordLengthLimitExceeded")
 """The mcap package's errors for a file whose end is missing: it looks there for the index first."""
+_OTHER_SCHEMAS = ("ros1msg", "protobuf", "flatbuffer", "jsonschema")
+"""The encodings of schemas that an MCAP file may have beside those of ROS 2."""
 _PLAIN_SPOKEN = ("ReaderError", "SerdeError", "TypesysError", "FileNotFoundError")
 """Errors whose text describes the data; the text of others describes the code that failed."""
 
@@ -102,6 +104,11 @@ def sentence_of(error: Exception) -> str:
         return _RECOVER
     if isinstance(error, PermissionError):
         return "there is no permission to read it"
+    if isinstance(error, KeyError) and text in _OTHER_SCHEMAS:
+        return (
+            f"the types of some of its topics are described as {text}, which is not ROS 2's way;"
+            " `mcap filter` leaves such topics out"
+        )
     return f"it cannot be read: {text}" if name in _PLAIN_SPOKEN else "it is damaged"
 
 
@@ -481,7 +488,8 @@ def _check_topics(path: Path, reader: Any, times: tuple[int, int]) -> None:
     index, and any recording with times that no integer of 64 bits holds.
     """
     chunks = getattr(reader, "storage", reader).chunks if path.suffix == ".mcap" else ()
-    if chunks and not any(chunk.message_index_offsets for chunk in chunks):
+    has_index = any(chunk.message_index_offsets for chunk in chunks)
+    if chunks and not has_index and times[0] < times[1]:
         raise BagError(f"{path}: its chunks have no index of messages; `mcap recover` writes one")
     if times[0] < times[1] and times[1] > _TIMES_END_NS:
         raise BagError(f"{path}: the log times go on after the year 2262, where times end")

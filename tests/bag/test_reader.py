@@ -406,6 +406,33 @@ def write_mcap(path: Path, times: list[int], **options: Any) -> Path:
     return path
 
 
+def test_an_mcap_with_topics_and_no_messages_lacks_no_index(tmp_path: Path) -> None:
+    """There is nothing to recover, as in a database without messages."""
+    path = write_mcap(tmp_path / "bag.mcap", [])
+    with pytest.raises(BagError, match=r"bag\.mcap: the recording holds no message"):
+        BagReader([path]).__enter__()
+    folder = tmp_path / "folder"
+    with Ros2Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        writer.add_connection("/a", STRING, typestore=jazzy_typestore())
+    with pytest.raises(BagError, match="folder: the recording holds no message"):
+        BagReader([folder]).__enter__()
+
+
+@pytest.mark.parametrize("encoding", ["jsonschema", "protobuf"])
+def test_an_mcap_with_types_that_are_not_of_ros_is_no_damaged_one(
+    tmp_path: Path, encoding: str
+) -> None:
+    """As one that other programs than ROS 2's have written topics into."""
+    path = tmp_path / "bag.mcap"
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start(profile="ros2", library="test")
+        writer.register_channel("/j", "json", writer.register_schema("j", encoding, b"{}"))
+        writer.finish()
+    with pytest.raises(BagError, match=f"are described as {encoding}, which is not ROS 2's way"):
+        BagReader([path]).__enter__()
+
+
 def test_an_mcap_without_an_index_of_messages_is_no_damaged_one(tmp_path: Path) -> None:
     """Also a window of it was read as empty."""
     path = write_mcap(tmp_path / "bag.mcap", [10, 20], index_types=IndexType.CHUNK)
