@@ -37,7 +37,7 @@ def play_command(say: Say, remaps: Sequence[str], **options: Any) -> bool:
     say(_played(outcome))
     if stop.is_set and not wanted.loop:  # which nothing else ends
         raise KeyboardInterrupt
-    return not outcome.skipped
+    return outcome.is_whole
 
 
 def record_command(say: Say, **options: Any) -> bool:
@@ -84,7 +84,7 @@ def demo_command(
         say(f"recording    {out / AUGMENTED}\nnode's log   {out / 'node.log'}")
         for line in earlier_exports(out):
             say(line)
-    return not outcome.skipped
+    return outcome.is_whole
 
 
 def read_remaps(texts: Sequence[str]) -> dict[str, str]:
@@ -100,5 +100,5 @@ def read_remaps(texts: Sequence[str]) -> dict[str, str]:
 
 def _played(outcome: PlayOutcome) -> str:
     """Return how much was played."""
-    count, topics = sum(outcome.counts.values()), counted(len(outcome.counts), "topic")
-    return f"played       {count} messages on {topics}"
+    messages = counted(sum(outcome.counts.values()), "message")
+    return f"played       {messages} on {counted(len(outcome.counts), 'topic')}"

@@ -16,7 +16,13 @@ from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
 from are_ros.node.startup import ros_session
 from are_ros.record.lockstep import Lockstep, Pace, ShouldStop
-from are_ros.record.publishers import ClockPublisher, PlayedTopics, PlayOptions, await_subscribers
+from are_ros.record.publishers import (
+    CLOCK,
+    ClockPublisher,
+    PlayedTopics,
+    PlayOptions,
+    await_subscribers,
+)
 from are_ros.replay.progress import Progress
 from are_ros.wording import counted, duration_text
 
@@ -146,6 +152,11 @@ class PlayOutcome:
     skipped: Mapping[str, str]
     is_complete: bool
     passes: int = 0
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all was played that is to be; a recorded /clock is not where the player's is."""
+        return self.skipped.keys() <= {CLOCK}
 
 
 def play(

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from are_ros.errors import BagError
-from tests.record.player_runs import write_strings
+from bags.simulation.making import RosbagsFactory
+from tests.record.player_runs import STRING, write_messages, write_strings
 
 
 def test_remaps_are_read(ros_available: None) -> None:
@@ -47,6 +48,24 @@ def test_play_says_what_it_played(ros_available: None, tmp_path: Path) -> None:
     said.clear()
     assert not play_command(said.append, (), bags=(bag,))
     assert "/odd is not played" in said[0]
+
+
+def test_a_recorded_clock_that_gives_way_leaves_nothing_out(
+    ros_available: None, tmp_path: Path
+) -> None:
+    """As of every recording of a simulation: the player tells the same time itself."""
+    del ros_available
+    from are_ros.record.commands import play_command
+
+    factory = RosbagsFactory()
+    zero = factory.make("builtin_interfaces/msg/Time", sec=0, nanosec=0)
+    clock = factory.make("rosgraph_msgs/msg/Clock", clock=zero)
+    records = [("/clock", 0.0, clock), ("/a", 0.0, factory.make(STRING, data="x"))]
+    bag = write_messages(tmp_path / "bag.mcap", records)
+    said: list[str] = []
+    assert play_command(said.append, (), bags=(bag,))
+    assert "/clock is not played: the player tells the time itself" in said
+    assert said[-1] == "played       1 message on 1 topic"
 
 
 @pytest.mark.parametrize("loop", [False, True])
