@@ -34,14 +34,15 @@ class InputTopic(NamedTuple):
     topic: str = ""
     """Its topic where that is not the role's own name, relative to the node's namespace."""
     follows: bool = False
-    """It is latched, and reliable then, where its publishers latch it."""
+    """It is latched, and reliable then, where its publishers latch it: for one that is usually
+    latched, one of them is enough."""
     is_first_latched: bool = False
     """It is latched, too, as long as no publisher is known."""
 
 
 INPUTS: Final[Mapping[str, InputTopic]] = MappingProxyType(
     {
-        "map": InputTopic("nav_msgs/msg/OccupancyGrid", True, True, 1),
+        "map": InputTopic("nav_msgs/msg/OccupancyGrid", True, True, 1, follows=True),
         "octomap_point_cloud_centers": InputTopic(
             "sensor_msgs/msg/PointCloud2", True, depth=1, follows=True, is_first_latched=True
         ),
@@ -51,7 +52,9 @@ INPUTS: Final[Mapping[str, InputTopic]] = MappingProxyType(
         OTHER_CAMERA: InputTopic(CAMERA_INFO_TYPE, depth=5, follows=True),
         CAMERA_INFO: InputTopic(CAMERA_INFO_TYPE, depth=5, follows=True),
         "tf": InputTopic("tf2_msgs/msg/TFMessage", True, depth=100, topic="/tf"),
-        "tf_static": InputTopic("tf2_msgs/msg/TFMessage", True, True, 100, "/tf_static"),
+        "tf_static": InputTopic(
+            "tf2_msgs/msg/TFMessage", True, True, 100, "/tf_static", follows=True
+        ),
         "clicked_point": InputTopic("geometry_msgs/msg/PointStamped", True),
         "plan": InputTopic("nav_msgs/msg/Path", True, depth=1),
     }
@@ -138,18 +141,23 @@ def is_latched_by_all(node: Node, topic: str) -> bool | None:
     nothing that was latched before: an input that comes either way has to follow its publishers.
     Nor does one of them get that by best effort.
     """
-    offers = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
-    if not offers:
-        return None
+    latching = _latching(node, topic)
+    return all(latching) if latching else None
+
+
+def _latching(node: Node, topic: str) -> list[bool]:
+    """Return of each publisher of a topic whether it latches, reliably."""
     latched = DurabilityPolicy.TRANSIENT_LOCAL, ReliabilityPolicy.RELIABLE
+    offers = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
     profiles = [offer.qos_profile for offer in offers]
-    return all((profile.durability, profile.reliability) == latched for profile in profiles)
+    return [(profile.durability, profile.reliability) == latched for profile in profiles]
 
 
 class InputSubscription:
     """A subscription to the input of a role, made anew by `follow` where its publishers ask for it.
 
-    `topic`, `options` and errors are those of `subscribe`.
+    Who overrides its durability by a parameter has chosen: it follows nobody then. `topic`,
+    `options` and errors are those of `subscribe`.
     """
 
     def __init__(
@@ -162,16 +170,20 @@ class InputSubscription:
     ) -> None:
         self._node, self._role, self._topic = node, role, topic or INPUTS[role].topic or role
         self._callback, self._options = callback, options
+        name = node.resolve_topic_name(self._topic)
+        override = f"qos_overrides.{name}.subscription.durability"
+        is_chosen = override in node._parameter_overrides  # noqa: SLF001 - it has no other name
+        self._follows = INPUTS[role].follows and not is_chosen
         self.is_latched = INPUTS[role].is_latched or INPUTS[role].is_first_latched
         """Whether it gets what was latched before."""
         self.subscription = self._subscribed()
 
     def follow(self) -> None:
         """Subscribe anew if the publishers of an input that follows them latch otherwise."""
-        if not INPUTS[self._role].follows:
-            return
-        is_latched = is_latched_by_all(self._node, self._topic)
-        if is_latched is None or is_latched == self.is_latched:
+        latching = _latching(self._node, self._topic) if self._follows else []
+        is_usual = INPUTS[self._role].is_latched
+        is_latched = any(latching) if is_usual else all(latching)
+        if not latching or is_latched == self.is_latched:
             return
         self.is_latched = is_latched
         self._node.destroy_subscription(self.subscription)
@@ -179,15 +191,15 @@ class InputSubscription:
 
     def _subscribed(self) -> Any:
         options = self._options
-        if INPUTS[self._role].follows:
+        if self._follows:
             # Without a callback rclpy warns; `follow` adapts the subscription.
             events = SubscriptionEventCallbacks(incompatible_qos=lambda _: None)
             options = {**options, "qos_profile": self._profile(), "event_callbacks": events}
         return subscribe(self._node, self._role, self._callback, self._topic, **options)
 
     def _profile(self) -> QoSProfile:
-        depth = INPUTS[self._role].depth
-        return _profile(True, True, depth) if self.is_latched else input_qos(self._role)
+        entry = INPUTS[self._role]
+        return _profile(entry.is_reliable or self.is_latched, self.is_latched, entry.depth)
 
 
 def _profile(is_reliable: bool, is_latched: bool, depth: int) -> QoSProfile:

@@ -87,10 +87,9 @@ Store = Callable[[WireMessage], None]
 class Subscriptions:
     """Subscribes to all inputs, each by its role; `store` gets each message.
 
-    `cameras` are the topics of `camera.others`. The subscriptions to the cloud and to CameraInfo
-    follow their publishers: latched if they all latch, else not. An input whose message package is
-    not installed is left out, and `say` gets a sentence. Raises ParameterError where an override of
-    its QoS makes no sense.
+    `cameras` are the topics of `camera.others`. What may be latched (maps, static transforms,
+    CameraInfo) follows its publishers. An input whose message package is not installed is left out,
+    and `say` gets a sentence. Raises ParameterError where an override of its QoS makes no sense.
     """
 
     def __init__(
@@ -161,7 +160,9 @@ class Subscriptions:
                 f"{role}{topic}" if is_one_of_several else role,
                 topic,
                 is_required=role in _REQUIRED,
-                is_latched=self._subscriptions[topic].is_latched or role in _COME_ONCE,
+                is_latched=INPUTS[role].is_latched
+                or self._subscriptions[topic].is_latched
+                or role in _COME_ONCE,
                 publishers=self._node.count_publishers(topic),
                 asked=self._asked_of(topic),
             )

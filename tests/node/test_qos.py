@@ -216,7 +216,7 @@ def test_what_was_latched_comes_to_a_subscription_that_follows(ros: RosWorld, ro
     node, other = ros.make_node("ar_builder", parameters=override), ros.make_node("other")
     received: list[Any] = []
     subscription = InputSubscription(node, role, received.append, topic)
-    assert subscription.is_latched == (role == "octomap_point_cloud_centers")
+    assert subscription.is_latched == (role in {"map", "octomap_point_cloud_centers", "tf_static"})
     other.create_publisher(kind, topic, input_qos("map")).publish(kind())
     ros.spin_until(partial(has_publishers, node, topic, 1))
     subscription.follow()
@@ -224,6 +224,45 @@ def test_what_was_latched_comes_to_a_subscription_that_follows(ros: RosWorld, ro
     ros.spin_until(lambda: received)
     found = endpoints(node, topic)
     assert [one.qos_profile.reliability for one in found] == [ReliabilityPolicy.RELIABLE]
+
+
+@pytest.mark.parametrize("role", ["map", "tf_static"])
+def test_what_is_usually_latched_comes_also_from_publishers_that_do_not(
+    ros: RosWorld, role: str
+) -> None:
+    """As from a recording without quality of service; one that latches goes before them."""
+    kind = message_class(INPUTS[role].type_name)
+    node, other = ros.make_node("ar_builder"), ros.make_node("other")
+    received: list[Any] = []
+    subscription = InputSubscription(node, role, received.append, "/some")
+    volatile = other.create_publisher(kind, "/some", 10)
+    ros.spin_until(partial(has_publishers, node, "/some", 1))
+    subscription.follow()
+    found = [subscription.is_latched]
+    ros.spin_until(volatile.get_subscription_count)
+    volatile.publish(kind())
+    ros.spin_until(lambda: received)
+    other.create_publisher(kind, "/some", input_qos("map")).publish(kind())
+    ros.spin_until(partial(has_publishers, node, "/some", 2))
+    subscription.follow()
+    found.append(subscription.is_latched)
+    ros.spin_until(lambda: len(received) == 2)
+    assert found == [False, True]
+
+
+@pytest.mark.parametrize("role", ["map", "camera/camera_info"])
+def test_an_overridden_durability_is_kept(ros: RosWorld, role: str) -> None:
+    """Whatever the publishers offer."""
+    chosen = "volatile" if role == "map" else "transient_local"
+    override = {"qos_overrides./some.subscription.durability": chosen}
+    node, other = ros.make_node("ar_builder", parameters=override), ros.make_node("other")
+    subscription = InputSubscription(node, role, print, "/some")
+    offered = input_qos(role)
+    other.create_publisher(message_class(INPUTS[role].type_name), "/some", offered)
+    ros.spin_until(partial(has_publishers, node, "/some", 1))
+    subscription.follow()
+    (found,) = endpoints(node, "/some")
+    assert found.qos_profile.durability.name == chosen.upper()
 
 
 def test_publishers_that_latch_by_best_effort_are_followed_as_if_they_did_not(
