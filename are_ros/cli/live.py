@@ -147,7 +147,8 @@ def guard(namespace: str | None, ros_args: tuple[str, ...]) -> None:
 def play(**options: Any) -> None:
     """Play a recording to live topics, with /clock, as `ros2 bag play --clock` does.
 
-    Quality of service is as recorded; ROS 1 recordings are played as ROS 2.
+    Quality of service is as recorded, but maps and static transforms are latched in any case. ROS 1
+    recordings are played as ROS 2.
     """
     require_ros()
     from are_ros.record.commands import play_command

@@ -32,14 +32,15 @@ from are_ros.wording import counted, duration_text
 _RECENT_NS: Final = 10 * NS_PER_S
 """Transforms of this long before the start are sent: tf2 keeps as much."""
 _LASTING_ROLES: Final = ("map", "octomap_point_cloud_centers")
-"""These roles count as latched, however they were recorded."""
+"""These roles and static transforms count as latched, however they were recorded: some recordings
+do not tell."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlayWindow:
     """The window of a recording that is played, chosen as for a replay, and its clock.
 
-    The topics `lasting` hold maps.
+    The topics `lasting` hold maps and static transforms.
     """
 
     reader: BagReader
@@ -57,8 +58,13 @@ class PlayWindow:
         times = RecordedTimes.read(reader, role_of_topic, window.start_ns, window.stop_ns)
         clock = BagClock.of(times)
         gaps = stretches_of(times, clock, window.start_ns, window.stop_ns).gaps
-        lasting = frozenset(t for t, role in role_of_topic.items() if role in _LASTING_ROLES)
-        return cls(reader, clock, window, lasting, sum(gap.length_ns for gap in gaps))
+        lasting = {topic for topic, role in role_of_topic.items() if role in _LASTING_ROLES}
+        lasting |= {
+            topic.name
+            for topic in reader.topics
+            if topic.type_name in TF_TYPES and "static" in topic.name
+        }
+        return cls(reader, clock, window, frozenset(lasting), sum(gap.length_ns for gap in gaps))
 
     @property
     def start_ns(self) -> int:
@@ -184,7 +190,7 @@ def play(
                 "played too: --start and --duration choose a part"
             )
         options.check_topics([topic.name for topic in reader.topics])
-        topics = PlayedTopics(node, reader, options, say)
+        topics = PlayedTopics(node, reader, options, recording.lasting, say)
         if not topics.publishers:
             raise BagError("nothing is left to play of the recording")
         if outputs := sum(PREFIX in topic for topic in topics.publishers):

@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Final
@@ -87,11 +87,17 @@ _ADDING_TYPES: Final = (*TF_TYPES, "rcl_interfaces/msg/Log")
 class PlayedTopics:
     """Publishes recorded messages; topics whose type is not installed are skipped, with a reason.
 
-    Quality of service is as recorded; in lockstep all publishers are reliable.
+    Quality of service is as recorded, but the topics `lasting` are latched, which serves whoever
+    asks for less, too; in lockstep all publishers are reliable.
     """
 
     def __init__(
-        self, node: Node, reader: BagReader, options: PlayOptions, say: Callable[[str], None]
+        self,
+        node: Node,
+        reader: BagReader,
+        options: PlayOptions,
+        lasting: Collection[str],
+        say: Callable[[str], None],
     ) -> None:
         self.skipped: dict[str, str] = {}
         self.counts: dict[str, int] = {}
@@ -100,9 +106,10 @@ class PlayedTopics:
         self.publishers: dict[str, Any] = {}
         """By the recorded names of the topics that are played."""
         self._unacknowledged: set[str] = set()
-        for topic in reader.topics:
-            if topic.count and options.is_chosen(topic.name):
-                self._open(node, topic, options, say)
+        for recorded in reader.topics:
+            if recorded.count and options.is_chosen(recorded.name):
+                is_latched = recorded.is_latched or recorded.name in lasting
+                self._open(node, replace(recorded, is_latched=is_latched), options, say)
 
     def publish(self, message: BagMessage) -> None:
         """Send a message; one of ROS 1 that cannot be understood is counted as skipped.

@@ -102,6 +102,23 @@ def test_quality_of_service_is_as_recorded(ros: RosWorld, tmp_path: Path) -> Non
     }
 
 
+def test_maps_and_static_transforms_are_latched_however_they_were_recorded(
+    ros: RosWorld, tmp_path: Path
+) -> None:
+    """As in a recording without quality of service, or a ROS 1 one that was filtered."""
+    factory = RosbagsFactory()
+    grid = factory.make("nav_msgs/msg/OccupancyGrid", data=np.array([0], np.int8))
+    statics = ("/tf_static", "/robot/tf_static")
+    records = [("/map", 0.0, grid), ("/a", NEVER_S, factory.make(STRING, data="x"))]
+    records += [(topic, 0.0, transforms(factory, "lidar")) for topic in statics]
+    bag = write_messages(tmp_path / "bag.mcap", records)
+    node, topics = ros.make_node("listener"), ("/map", *statics)
+    with playing(bag), ros.spinning():
+        ros.spin_until(lambda: all(offers(node, topic) for topic in topics))
+        found = [offers(node, topic) for topic in topics]
+    assert found == [[("RELIABLE", "TRANSIENT_LOCAL")]] * len(topics)
+
+
 def offers(node: Any, topic: str) -> list[tuple[str, str]]:
     """Return reliability and durability of those who publish a topic."""
     infos = node.get_publishers_info_by_topic(topic)
