@@ -15,7 +15,7 @@ from rosgraph_msgs.msg import Clock
 
 from are_ros.conventions import NS_PER_S
 from are_ros.node.diagnostics import WITHOUT_CLOCK
-from tests.node.live_bench import Bench, stamp_ns
+from tests.node.live_bench import BEST_EFFORT, Bench, stamp_ns
 from tests.node.live_scene import (
     cloud,
     laser_mount,
@@ -33,6 +33,7 @@ MakeBench = Callable[..., Bench]
 Later = Callable[[float], None]
 OK, WARN, ERROR, STALE = b"\0", b"\1", b"\2", b"\3"
 CLOUD: Final = "octomap_point_cloud_centers"
+LATCHED_ONLY: Final = {"qos_overrides./map.subscription.durability": "transient_local"}
 
 
 @pytest.fixture
@@ -166,19 +167,20 @@ def test_what_is_missing_is_an_error_after_a_while(make_bench: MakeBench, later:
 @pytest.mark.parametrize(
     ("overrides", "asked"),
     [
-        ({}, "reliable, transient local"),
+        ({}, "reliable, volatile"),
+        (LATCHED_ONLY, "reliable, transient local"),
         (
-            {"qos_overrides./map.subscription.reliability": "best_effort"},
+            {**LATCHED_ONLY, "qos_overrides./map.subscription.reliability": "best_effort"},
             "best effort, transient local",
         ),
     ],
 )
-def test_of_a_map_that_is_not_latched_is_told_what_is_asked_for(
+def test_of_a_map_that_is_offered_otherwise_is_told_what_is_asked_for(
     make_bench: MakeBench, later: Later, overrides: dict[str, str], asked: str
 ) -> None:
-    """Overrides included."""
+    """By best effort, and not latched; overrides included."""
     bench = make_bench(overrides, "configure", "activate")
-    bench.user.create_publisher(OccupancyGrid, "/map", 1)
+    bench.user.create_publisher(OccupancyGrid, "/map", BEST_EFFORT)
     bench.until(lambda: bench.node.count_publishers("/map"))
     bench.report()
     later(5.5)
