@@ -44,6 +44,8 @@ SHOWN = {
 }
 VIEW = "certainty_view.png"
 NEAR_M, AHEAD_M, SHOWN_POSES = 6.0, 3.0, 2
+LABEL_M = (2.4, 0.5)
+"""The width and height that the words of one artefact take."""
 NINETY_PERCENT = math.sqrt(4.605)
 """The radius of the ellipse in which a plane normal error is with this probability."""
 TRUTH, TOLD, FALSE, PATH = "#6b7480", "#d1495b", "#e8890c", "#2f7fc1"
@@ -220,7 +222,7 @@ def draw_view(tick: Tick, path: Path) -> None:
         axes.arrow(x_m, y_m, *(0.4 * heading), width=0.09, color="#0b2f6b", zorder=5)
         footprints = tick.perception.boxes.footprints()
         for corners, one in zip(footprints, tick.perceived, strict=True):
-            draw_told(axes, corners, one)
+            draw_told(axes, corners, one, across_m)
         for route in tick.perception.paths or ():
             ahead = route.numbers[:SHOWN_POSES]
             axes.plot(*ahead[:, :2].T, ".-", color=PATH, linewidth=0.9, markersize=4)
@@ -230,8 +232,8 @@ def draw_view(tick: Tick, path: Path) -> None:
         axes.set(xlim=(window.left, window.right), ylim=(window.bottom, window.top))
 
 
-def draw_told(axes: Any, corners: Any, one: PerceivedArtefact) -> None:
-    """Draw what is told of one: its box, its ellipse, its class and existence."""
+def draw_told(axes: Any, corners: Any, one: PerceivedArtefact, middle_m: float) -> None:
+    """Draw what is told of one: its box, its ellipse, and towards the middle x its words."""
     is_false = one.artefact_id >= FIRST_FALSE_ALARM
     colour, centre = FALSE if is_false else TOLD, one.map_from_artefact.translation_m[:2]
     outline(axes, corners, colour, linewidth=1.2, zorder=4)
@@ -241,15 +243,19 @@ def draw_told(axes: Any, corners: Any, one: PerceivedArtefact) -> None:
     words = f"{said}\n(a false alarm)" if is_false else said
     style = {"textcoords": "offset points", "fontsize": 8, "color": colour, "annotation_clip": True}
     halo = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75}
-    axes.annotate(words, centre, (8, 9), bbox=halo, zorder=6, clip_on=True, **style)
+    place = ((8, 9), "left") if centre[0] < middle_m else ((-8, 9), "right")
+    axes.annotate(words, centre, place[0], ha=place[1], bbox=halo, zorder=6, clip_on=True, **style)
 
 
 def busiest(ticks: Iterator[Tick]) -> Tick:
-    """Return the tick that tells of most within a few metres, a false alarm among them."""
+    """Return the tick that tells of most near the robot, one false, with room for their words."""
 
     def rank(tick: Tick) -> tuple[bool, int]:
-        ids = [one.artefact_id for one in tick.perceived if one.range_m < NEAR_M]
-        return any(number >= FIRST_FALSE_ALARM for number in ids), len(ids)
+        near = [one for one in tick.perceived if one.range_m < NEAR_M]
+        places_m = np.array([one.map_from_artefact.translation_m[:2] for one in near])
+        apart_m = np.abs(places_m[:, None] - places_m[None]) if near else np.zeros((0, 0, 2))
+        crowded = (apart_m < LABEL_M).all(axis=2).sum() - len(near)
+        return any(one.artefact_id >= FIRST_FALSE_ALARM for one in near), len(near) - crowded
 
     return max(ticks, key=rank)
 
