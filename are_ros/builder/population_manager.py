@@ -17,6 +17,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.agents.behaviours.registry import why_not
 from are_ros.agents.collisions import CollisionResolver
 from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.agents.local_planner.state import STAYS
@@ -30,7 +31,7 @@ from are_ros.builder.real_world import RealWorld
 from are_ros.builder.scene import Scene
 from are_ros.builder.spawning.spawner import OutOfView, Spawning
 from are_ros.conventions import IDLE_NS, seconds_to_ns
-from are_ros.errors import BehaviourError, PlacementError, ScenarioError
+from are_ros.errors import BehaviourError, CatalogueError, PlacementError, ScenarioError
 from are_ros.parameters.choices import Initial, Leave
 from are_ros.parameters.model import Parameters
 from are_ros.population.arrivals import RandomSource
@@ -305,8 +306,12 @@ class PopulationManager:
     ) -> int:
         """Add an artefact at exactly this pose, and return its id.
 
-        Raises PlacementError, and changes nothing, if it cannot stand there.
+        Raises PlacementError if it cannot stand there, CatalogueError if it cannot have the
+        behaviour, and changes nothing then.
         """
+        refusal = why_not(behaviour, row.motion.speed_mps) if behaviour else None
+        if refusal is not None:
+            raise CatalogueError(f"{row.label}: behaviour '{behaviour}' {refusal}")
         self.advance(now_ns)
         environment, others = self._world.environment, self.crowd.table.taken
         box, robot = boxes_of([row], [pose]), self._robots.pose(now_ns) or self._robot

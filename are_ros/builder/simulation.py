@@ -116,7 +116,12 @@ class Simulation:
         *,
         is_static: bool = False,
     ) -> None:
-        """Take one transform of /tf or /tf_static."""
+        """Take one transform of /tf or /tf_static: the pose of the child in the parent.
+
+        `translation_m` is x, y, z, `rotation_xyzw` a quaternion. Raises InvalidTransformError, and
+        changes nothing, where a number is not finite, the quaternion's length is not 1, a name is
+        empty or both are the same.
+        """
         self._received(received_ns)
         if is_static:
             self.frames.set_static(parent, child, translation_m, rotation_xyzw)

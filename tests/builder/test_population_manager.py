@@ -9,7 +9,7 @@ import pytest
 
 from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.builder.population_manager import population_of
-from are_ros.errors import FrameError, ParameterError, PlacementError, ScenarioError
+from are_ros.errors import CatalogueError, FrameError, ParameterError, PlacementError, ScenarioError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.population.artefact import Artefact, GroundPose, boxes_of
@@ -64,6 +64,25 @@ def test_a_placement_that_overlaps_is_refused_with_the_reason(
         scene.place(0, (x, 2.0), 0.2)
     assert len(scene.builder.lives.scene_at(scene.ns(0.2)).artefacts) == 1
     assert kinds(scene.builder.lives.take_events()) == [(EventKind.ARRIVED, "")]
+
+
+@pytest.mark.parametrize(
+    ("behaviour", "reason"),
+    [
+        ("walkin", "is not known; known are standing, walking"),
+        ("walking", "needs an artefact that moves"),
+        ("along_way", "needs a way, which only a scenario gives"),
+    ],
+)
+def test_a_placement_with_a_behaviour_that_the_row_cannot_have_is_refused(
+    scene: Scene, behaviour: str, reason: str
+) -> None:
+    """Nothing is left behind; the sentence names row, behaviour and reason."""
+    row, pose = scene.row(0), GroundPose(2.5, 2.0, 0.0, 0.0)
+    with pytest.raises(CatalogueError, match=f"{row.label}: behaviour '{behaviour}' {reason}"):
+        scene.builder.lives.place(row, pose, scene.ns(0.1), behaviour=behaviour)
+    assert not scene.builder.lives.scene_at(scene.ns(0.2)).artefacts
+    assert not scene.builder.lives.take_events()
 
 
 def test_nothing_is_placed_before_there_is_a_map(make_scene: Make) -> None:

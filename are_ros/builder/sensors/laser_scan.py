@@ -51,8 +51,9 @@ class LaserScan:
         """Return this scan, or raise InputError with `source`, field and reason.
 
         Refused: an empty frame, an angle, a time or a range_min that is not finite, an increment of
-        0, a negative range_min or one above range_max (which may be infinite), no beam, and
-        intensities of another length. An angle_max that does not fit is not: see `misfit`.
+        0, a negative range_min or one above range_max (which may be infinite), no beam, ranges of
+        several dimensions, and intensities of another length. An angle_max that does not fit is
+        not: see `misfit`.
         """
         reason = self._why_refused()
         if reason is not None:
@@ -153,6 +154,8 @@ class LaserScan:
             return "angle_increment is 0"
         if count == 0:
             return "ranges is empty"
+        if self.ranges.ndim != 1:
+            return f"ranges has the shape {self.ranges.shape}, not (N,)"
         if extra not in {0, count}:
             return f"intensities has {extra} values, and ranges {count}"
         return None

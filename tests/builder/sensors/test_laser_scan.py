@@ -87,6 +87,10 @@ def test_a_scan_may_turn_the_other_way_and_see_without_end() -> None:
         (replace(SCAN, range_min_m=-0.1), "front: range_min is -0.1"),
         (replace(SCAN, range_max_m=math.nan), "front: range_min is 0.1 and range_max nan"),
         (replace(SCAN, ranges=np.empty(0, dtype=np.float32)), "front: ranges is empty"),
+        (
+            replace(SCAN, ranges=np.ones((1, 5), dtype=np.float32)),
+            "front: ranges has the shape (1, 5), not (N,)",
+        ),
         (replace(SCAN, intensities=np.ones(3, dtype=np.float32)), "front: intensities has 3"),
         (replace(SCAN, frame_id=""), "front: header.frame_id is empty"),
     ],
