@@ -13,6 +13,7 @@ pixels in their middle: that is the detection. A person is found where one overl
 many empty images there is any detection. Nothing is a gate: it prints shares.
 """
 
+import argparse
 import json
 import sys
 from pathlib import Path
@@ -77,7 +78,9 @@ def paint(recording: Path, folder: Path) -> None:
 
 def detect(folder: Path) -> None:
     """Print which share of the persons is found, and what is found in the empty images."""
-    maker: Any = vars(cv2)["HOGDescriptor"]  # OpenCV 5 has none
+    maker: Any = vars(cv2).get("HOGDescriptor")
+    if maker is None:
+        sys.exit(f"detect needs OpenCV before 5, and this is {cv2.__version__}")
     hog = maker()
     hog.setSVMDetector(maker.getDefaultPeopleDetector())
     truth = json.loads((folder / "truth.json").read_text())
@@ -122,8 +125,22 @@ def overlap(window: np.ndarray, box: list[int]) -> float:
     return float(shared / union)
 
 
-if __name__ == "__main__":
-    if sys.argv[1] == "paint":
-        paint(Path(sys.argv[2]), Path(sys.argv[3]))
+def main() -> None:
+    """Paint, or detect."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    commands = parser.add_subparsers(dest="command", required=True)
+    painting, detecting = commands.add_parser("paint"), commands.add_parser("detect")
+    painting.add_argument("recording", type=Path)
+    for command in (painting, detecting):
+        command.add_argument("folder", type=Path)
+    given = parser.parse_args()
+    if given.command == "paint":
+        paint(given.recording, given.folder)
     else:
-        detect(Path(sys.argv[2]))
+        detect(given.folder)
+
+
+if __name__ == "__main__":
+    main()
