@@ -24,6 +24,8 @@ _GUARDED: Final = "ar_builder"
 _MAP_TYPE: Final = "nav_msgs/msg/OccupancyGrid"
 _MAPS: Final = ("augmented_map", "artefact_map")
 _LATCHED: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_AS_IT_COMES: Final = QoSProfile(depth=1)
+"""Of maps that nobody latches."""
 _LEASE_S: Final = 0.5
 """Silence of this length is noticed, and must last `_GRACE_S` longer: when a whole machine stalls,
 the guard may wake up before it hears the node again."""
@@ -44,7 +46,8 @@ class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
         self._is_standing_in = False
         grid = self._grid = message_class(_MAP_TYPE)
         self._publishers_of_maps = self._advertise()
-        self.create_subscription(grid, "map", self._take_map, _LATCHED, raw=True)
+        for profile in (_LATCHED, _AS_IT_COMES):
+            self.create_subscription(grid, "map", self._take_map, profile, raw=True)
         self._confirmation = self.create_timer(
             _GRACE_S, self._stand_in, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
@@ -84,6 +87,8 @@ class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
             self._confirmation.reset()
 
     def _take_map(self, message: bytes) -> None:
+        if message == self._map:  # it came by both subscriptions
+            return
         self._map = message
         if self._is_standing_in:
             self._publish(message)

@@ -312,6 +312,20 @@ def test_the_guard_leaves_the_field_to_a_node_that_is_back(ros: RosWorld, guard:
     assert sum("was killed" in line for line in guard.said) == 1
 
 
+def test_the_guard_hears_a_map_that_is_not_latched(ros: RosWorld, guard: Process) -> None:
+    """As the node does."""
+    user = ros.make_node("user")
+    publisher = user.create_publisher(type(room()), "/map", 1)
+    killed = Process(["-c", HEART])
+    guard.wait_for("runs, and is guarded")
+    ros.spin_until(publisher.get_subscription_count)
+    publisher.publish(room())
+    ros.spin_for(0.3)
+    killed.kill()
+    guard.wait_for("/ar_builder was killed")
+    guard.wait_for("the real map is published, and an empty artefact map")
+
+
 def test_the_guard_is_light() -> None:
     """It must not wait for compiled kernels, nor hold them in memory."""
     code = "import sys, are_ros.cli, are_ros.node.guard; sys.exit('numba' in sys.modules)"
