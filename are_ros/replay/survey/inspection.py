@@ -1,6 +1,6 @@
 """Which roles the topics of a recording play, and what is missing, for `are inspect`."""
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from graphlib import CycleError, TopologicalSorter
@@ -62,7 +62,6 @@ from are_ros.replay.survey.recorded_pose import option_of_poses
 from are_ros.replay.timeline import (
     LATE_INPUT_NS,
     WITHOUT_CAMERA_INFO,
-    SubstituteInfo,
     refuse_absent_infos,
     substitute_infos,
 )
@@ -117,33 +116,6 @@ class Inspection:
     misfits: tuple[str, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """What was read of a recording, before it is said what is missing.
-
-    `trouble` is why its stamps give no clock. `role_of_topic` has the sensors and the CameraInfo.
-    `lenses` are the topics of the CameraInfos of images, `readings` as of `_first_readings`, and
-    `waits` as of `_waits`.
-    """
-
-    reader: BagReader
-    roles: RolesFound
-    times: RecordedTimes
-    clock: BagClock
-    trouble: str
-    stretches: Stretches
-    frame_ids: Mapping[str, str]
-    survey: FrameSurvey
-    tree: FrameTree
-    map_frame: str
-    base_frame: str
-    role_of_topic: Mapping[str, str]
-    lenses: Mapping[str, str]
-    infos: Sequence[SubstituteInfo]
-    readings: Mapping[str, Any]
-    waits: Sequence[tuple[str, bool]]
-
-
 def inspect_bag(
     reader: BagReader,
     overrides: Mapping[str, str] | None = None,
@@ -162,7 +134,7 @@ def inspect_bag(
     named = {topic: role for role, topics in sensors.items() for topic in topics}
     for topic, role in named.items():
         find_roles(reader.topics, {role: topic})  # refuses what is of another type
-    found = _look_through(reader, roles, named, parameters, has_map_file=has_map_file)
+    found = _Found(reader, roles, named, parameters, has_map_file=has_map_file)
     clock, infos = found.clock, found.infos
     return Inspection(
         reader.start_ns,
@@ -188,53 +160,68 @@ def inspect_bag(
     )
 
 
-def _look_through(
-    reader: BagReader,
-    roles: RolesFound,
-    named: Mapping[str, str],
-    parameters: Parameters,
-    *,
-    has_map_file: bool,
-) -> _Found:
-    """Read what is needed of a recording; `named` are the roles of topics that the user names."""
-    given_edges = [(p, c) for p, c, _ in parse_static_transforms(parameters.frames.static)]
-    reader.expect(types_of({**roles.by_topic(ROLE_TYPES), **named}))
-    frame_ids = _first_frames(reader)
-    times = RecordedTimes.read(reader, _timed(reader, roles, named), reader.start_ns, reader.end_ns)
-    clock, trouble = _clock(times)
-    stretches = stretches_of(times, clock, reader.start_ns, reader.end_ns)
-    recorded = RecordedFrames(parameters)
-    source = odometry_source(parameters)
-    survey = _survey(reader, roles, given_edges, clock, stretches, recorded, source)
-    of_map = "" if has_map_file else frame_ids.get(roles.topic("map") or "", "")
-    map_frame = of_map or parameters.frames.map
-    base_frame = parameters.frames.base or base_frame_of(survey.frames(), times.odometry_child)
-    role_of_topic = {**roles.by_topic(_SENSOR_ROLES), **named}
-    cameras = {frame_ids.get(topic, "") for topic in _camera_topics(role_of_topic)}
-    upwards = upward_cameras(recorded.tree, base_frame, cameras) if base_frame else []
-    standing = _standing(survey, map_frame, base_frame)
-    placed, history_s = survey.connected_to(map_frame), parameters.poses.history
-    readings = _first_readings(reader, role_of_topic)
-    lenses = lens_topics(role_of_topic, parameters.sensors)
-    refuse_absent_infos(reader, parameters.sensors)
-    return _Found(
-        reader,
-        roles,
-        times,
-        clock,
-        trouble,
-        stretches,
-        frame_ids,
-        replace(survey, oddities=(*survey.oddities, *upwards, *standing)),
-        recorded.tree,
-        map_frame,
-        base_frame,
-        role_of_topic,
-        lenses,
-        substitute_infos(reader, lenses, parameters.sensors.camera_infos),
-        readings,
-        list(_waits(times, clock, role_of_topic, map_frame, given_edges, placed, history_s)),
-    )
+class _Found:
+    """What was read of a recording, before it is said what is missing.
+
+    `trouble` is why its stamps give no clock. `role_of_topic` has the sensors and the CameraInfo.
+    `lenses` are the topics of the CameraInfos of images, `readings` as of `_first_readings`, and
+    `waits` as of `_waits`.
+    """
+
+    def __init__(
+        self,
+        reader: BagReader,
+        roles: RolesFound,
+        named: Mapping[str, str],
+        parameters: Parameters,
+        *,
+        has_map_file: bool,
+    ) -> None:
+        """Read what is needed; `named` are the roles of topics that the user names."""
+        self.reader, self.roles = reader, roles
+        given_edges = [(p, c) for p, c, _ in parse_static_transforms(parameters.frames.static)]
+        reader.expect(types_of({**roles.by_topic(ROLE_TYPES), **named}))
+        self.frame_ids = frame_ids = _first_frames(reader)
+        span_ns = reader.start_ns, reader.end_ns
+        self.times = RecordedTimes.read(reader, _timed(reader, roles, named), *span_ns)
+        self.clock, self.trouble = _clock(self.times)
+        self.stretches = stretches_of(self.times, self.clock, *span_ns)
+        recorded = RecordedFrames(parameters)
+        source = odometry_source(parameters)
+        survey = _survey(reader, roles, given_edges, self.clock, self.stretches, recorded, source)
+        self.tree = recorded.tree
+        of_map = "" if has_map_file else frame_ids.get(roles.topic("map") or "", "")
+        self.map_frame = of_map or parameters.frames.map
+        base_frame = base_frame_of(survey.frames(), self.times.odometry_child)
+        self.base_frame = parameters.frames.base or base_frame
+        self.role_of_topic = {**roles.by_topic(_SENSOR_ROLES), **named}
+        cameras = {frame_ids.get(topic, "") for topic in _camera_topics(self.role_of_topic)}
+        upwards = upward_cameras(self.tree, self.base_frame, cameras) if self.base_frame else []
+        standing = _standing(survey, self.map_frame, self.base_frame)
+        self.survey = replace(survey, oddities=(*survey.oddities, *upwards, *standing))
+        self.readings = _first_readings(reader, self.role_of_topic)
+        self.lenses = lens_topics(self.role_of_topic, parameters.sensors)
+        refuse_absent_infos(reader, parameters.sensors)
+        self.infos = substitute_infos(reader, self.lenses, parameters.sensors.camera_infos)
+        self.waits = list(self._waits(survey, given_edges, parameters.poses.history))
+
+    def _waits(
+        self, survey: FrameSurvey, given_edges: Iterable[tuple[str, str]], history_s: float
+    ) -> Iterable[tuple[str, bool]]:
+        """Say how long readings wait for their transforms, where anything joins them to the map.
+
+        Poses are kept for `history_s`. With each sentence comes whether any reading of the topic
+        gets its transform in time, or its clock is said to differ.
+        """
+        times, placed = self.times, survey.connected_to(self.map_frame)
+        waits = scan_waits(times, self.clock, self.map_frame, given_edges)
+        for topic, waits_ns in waits.items():
+            is_stamped = times.scans[topic].stamps_ns.any()
+            if len(waits_ns) or (is_stamped and times.scan_frames[topic] in placed):
+                noun = noun_of(self.role_of_topic.get(topic, "scan"))
+                known_ns = in_reach(waits_ns, history_s)
+                sentence = wait_sentence(topic, noun, waits_ns, len(times.scans[topic].log_ns))
+                yield sentence, topic in self.clock.apart or len(known_ns) > 0
 
 
 def _missing(
@@ -298,31 +285,6 @@ def _clock(times: RecordedTimes) -> tuple[BagClock, str]:
         return BagClock.of(times), ""
     except BagError as cause:
         return BagClock.of(replace(times, sources=(), jump_back=None)), str(cause)
-
-
-def _waits(
-    times: RecordedTimes,
-    clock: BagClock,
-    role_of_topic: Mapping[str, str],
-    map_frame: str,
-    given_edges: Iterable[tuple[str, str]],
-    placed: Collection[str],
-    history_s: float,
-) -> Iterable[tuple[str, bool]]:
-    """Say how long readings wait for their transforms, where anything joins them to the map.
-
-    `placed` are the frames that hang together with the map's; poses are kept for `history_s`. With
-    each sentence comes whether any reading of the topic gets its transform in time, or its clock is
-    said to differ.
-    """
-    waits = scan_waits(times, clock, map_frame, given_edges)
-    for topic, waits_ns in waits.items():
-        is_stamped = times.scans[topic].stamps_ns.any()
-        if len(waits_ns) or (is_stamped and times.scan_frames[topic] in placed):
-            count, noun = len(times.scans[topic].log_ns), noun_of(role_of_topic.get(topic, "scan"))
-            known_ns = in_reach(waits_ns, history_s)
-            sentence = wait_sentence(topic, noun, waits_ns, count)
-            yield sentence, topic in clock.apart or len(known_ns) > 0
 
 
 def _first_frames(reader: BagReader) -> dict[str, str]:
