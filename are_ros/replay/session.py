@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.agents.robots import TOO_OLD, WITHOUT_STAMP
-from are_ros.agents.scenario_recorder import ScenarioRecorder
 from are_ros.bag.reader import BagReader
 from are_ros.bag.recording import PARAMETERS
 from are_ros.bag.roles import (
@@ -40,7 +39,6 @@ from are_ros.parameters.choices import CameraModel, OnRobotContact
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import INFO_MARK, Parameters
 from are_ros.parameters.validation import with_contact_policy
-from are_ros.population.catalogue import Catalogue
 from are_ros.replay.listeners import SHARE, InputCopy, RecordKeeper, StandingWatch, TickWriter
 from are_ros.replay.output_folder import (
     AUGMENTED,
@@ -103,22 +101,39 @@ class Outcome:
     stopwatch: Stopwatch
 
 
-@dataclass(frozen=True, eq=False)
 class _Run:
-    """What takes part in one replay."""
+    """What takes part in one replay, ready to begin."""
 
-    reader: BagReader
-    options: ReplayOptions
-    roles: RolesFound
-    timeline: Timeline
-    catalogue: Catalogue
-    builder: ArBuilder
-    scenario: ScenarioRecorder | None
-    replay: Replay
-    cloud: Cloud | None
-    recorder: SceneRecorder
-    keeper: RecordKeeper
-    standing: StandingWatch
+    def __init__(
+        self, reader: BagReader, options: ReplayOptions, stopwatch: Stopwatch, say: Say
+    ) -> None:
+        """Choose the topics, read the files, and compile the kernels.
+
+        The user is told what there is to know.
+        """
+        clouds = standing_clouds(reader, options.parameters.frames)
+        self.reader, self.roles = reader, find_roles(reader.topics, options.topics, clouds)
+        _say_what_is_missing(options, reader, self.roles, say)
+        self.timeline = Timeline.of(reader, options, self.roles)
+        self.options = options = _adapted(options, self.timeline)
+        self.catalogue = catalogue_of(options.parameters)
+        self.builder = builder = ArBuilder(options.parameters, self.catalogue, options.demand)
+        self.scenario = builder.lives.record_scenario() if options.save_scenario else None
+        self.replay = Replay(reader, builder, options, self.timeline, stopwatch)
+        grid, self.cloud = _read_files(options)
+        _prepare_places(options)
+        for sentence in (*reader.unnamed, *self.timeline.sentences()):
+            say(sentence)
+        if options.map_file is not None and (doubt := doubt_about_unknown(options.map_file)):
+            say(doubt)
+        self.recorder = SceneRecorder(
+            options.parameters, self.catalogue, is_perceiving=options.demand.perception
+        )
+        self.keeper = RecordKeeper(self.recorder, builder)
+        self.standing = StandingWatch(builder)
+        _choose_camera(self, say)
+        _prepare_kernels(self, say)
+        _feed_files(self, grid)
 
 
 def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) -> Outcome:
@@ -133,7 +148,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
     stopwatch = Stopwatch()
     with BagReader(options.bags) as reader:
         with stopwatch.phase("start_up"):
-            run = _prepared(reader, options, stopwatch, say)
+            run = _Run(reader, options, stopwatch, say)
         replay = run.replay
         with ExitStack() as stack:
             writers, counts = _open_writers(stack, run)
@@ -145,45 +160,6 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
     for notice in [*run.builder.notices, *run.builder.frames.drain_notices()]:
         say(notice)
     return _outcome(run, grid, counts(), stopwatch)
-
-
-def _prepared(reader: BagReader, options: ReplayOptions, stopwatch: Stopwatch, say: Say) -> _Run:
-    """Choose the topics, read the files, and compile the kernels; say what the user should know."""
-    clouds = standing_clouds(reader, options.parameters.frames)
-    roles = find_roles(reader.topics, options.topics, clouds)
-    _say_what_is_missing(options, reader, roles, say)
-    timeline = Timeline.of(reader, options, roles)
-    options = _adapted(options, timeline)
-    catalogue = catalogue_of(options.parameters)
-    builder = ArBuilder(options.parameters, catalogue, options.demand)
-    scenario = builder.lives.record_scenario() if options.save_scenario else None
-    replay = Replay(reader, builder, options, timeline, stopwatch)
-    grid, cloud = _read_files(options)
-    _prepare_places(options)
-    for sentence in (*reader.unnamed, *timeline.sentences()):
-        say(sentence)
-    if options.map_file is not None and (doubt := doubt_about_unknown(options.map_file)):
-        say(doubt)
-    recorder = SceneRecorder(options.parameters, catalogue, is_perceiving=options.demand.perception)
-    keeper, standing = RecordKeeper(recorder, builder), StandingWatch(builder)
-    run = _Run(
-        reader,
-        options,
-        roles,
-        timeline,
-        catalogue,
-        builder,
-        scenario,
-        replay,
-        cloud,
-        recorder,
-        keeper,
-        standing,
-    )
-    _choose_camera(run, say)
-    _prepare_kernels(run, say)
-    _feed_files(run, grid)
-    return run
 
 
 def _save_scenario(run: _Run, say: Say) -> None:
