@@ -34,7 +34,7 @@ from are_ros.draw.palette import (
     class_colours,
     mixed,
 )
-from are_ros.draw.robot import Fan, draw_robot, draw_view, fan_at, other_fans, walls_of
+from are_ros.draw.robot import draw_robot, draw_view, fan_at, other_fans, walls_of
 from are_ros.draw.scene import Life, SceneRecord
 from are_ros.draw.sheet import (
     Entry,
@@ -82,7 +82,6 @@ _JUMP_M: Final = 0.5
 _FLASH_NS: Final = 6 * NS_PER_S // 5
 _SOON_NS: Final = NS_PER_S
 """The first ticks come before the first transform: for so long the robot is shown all the same."""
-_FAN_ALPHA: Final = 0.2
 _PATH_COLOUR: Final = mixed(ROBOT, 0.45)
 _COMING_AND_GOING: Final[Rgb] = (120, 130, 140)
 _FLASHES: Final[Mapping[EventKind, tuple[str, Rgb]]] = {
@@ -327,12 +326,12 @@ class Frames:
 
     def _draw_field_of_view(self, canvas: Canvas, stamp_ns: int) -> None:
         stamps = self._record.camera.stamps_ns
-        index, fans = int(np.searchsorted(stamps, stamp_ns)), list[Fan | None]()
+        index, fans = int(np.searchsorted(stamps, stamp_ns)), list[Floats | None]()
         if index < len(stamps) and int(stamps[index]) == stamp_ns:
             fans.append(fan_at(self._record, self._walls, index))
         for fan in (*fans, *other_fans(self._record, self._walls, stamp_ns)):
             if fan is not None:
-                draw_view(canvas, self.view, fan, SEEN, _FAN_ALPHA)
+                draw_view(canvas, self.view, fan)
 
     def _draw_robot_path(self, canvas: Canvas, stamp_ns: int) -> None:
         track = self._record.robot

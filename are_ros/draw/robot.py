@@ -5,7 +5,6 @@ A field of view is a fan of level rays that end at walls and at artefacts that a
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -37,14 +36,7 @@ _SMALLEST_PX: Final = 9.0
 _MOST_VERTICES: Final = 2000
 _TIME_STEPS: Final = 64
 _SEEN_ALPHA: Final = 0.13
-
-
-@dataclass(frozen=True, eq=False)
-class Fan:
-    """What one camera pose sees: the outline (N, 2) in the map's frame, and when."""
-
-    stamp_ns: int
-    outline_m: Floats
+_FAN_ALPHA: Final = 0.2
 
 
 def walls_of(
@@ -80,14 +72,17 @@ def level_sight(
     return rays[:, :2], np.minimum(hits_m, max_range_m * level)
 
 
-def fan_at(record: SceneRecord, walls: VoxelField, index: int) -> Fan | None:
-    """Return the fan of one camera pose of the record, None if it does not look sideways."""
+def fan_at(record: SceneRecord, walls: VoxelField, index: int) -> Floats | None:
+    """Return the fan of one camera pose of the record, None if it does not look sideways.
+
+    A fan is its outline (N, 2) in the map's frame.
+    """
     pose, stamp_ns = record.camera.poses[index], int(record.camera.stamps_ns[index])
     camera = record.views[int(record.view_of_pose[index])]
     return _fan(record, walls, stamp_ns, camera, RigidTransform(pose[:3], pose[3:]))
 
 
-def other_fans(record: SceneRecord, walls: VoxelField, stamp_ns: int) -> list[Fan]:
+def other_fans(record: SceneRecord, walls: VoxelField, stamp_ns: int) -> list[Floats]:
     """Return the fans of the other cameras at a tick, of those that look sideways."""
     found = (
         _fan(record, walls, stamp_ns, other.view, other.map_from_camera)
@@ -102,17 +97,17 @@ def _fan(
     stamp_ns: int,
     camera: ViewModel,
     map_from_camera: RigidTransform,
-) -> Fan | None:
+) -> Floats | None:
     count, here_m = min(_RAYS, camera.width), map_from_camera.translation_m
     rays, reach_m = level_sight(camera, map_from_camera, walls, record.max_range_m, count)
     if len(rays) < 2:
         return None
     hiding = [life for life in record.lives if _may_hide(life, stamp_ns, float(here_m[2]))]
     reach_m = np.minimum(reach_m, _far_sides(hiding, stamp_ns, here_m[:2], rays))
-    outline = here_m[:2] + rays * reach_m[:, np.newaxis]
+    outline: Floats = here_m[:2] + rays * reach_m[:, np.newaxis]
     azimuths = np.unwrap(np.arctan2(rays[:, 1], rays[:, 0]))
     is_closed = abs(azimuths[-1] - azimuths[0]) > _ALL_AROUND_RAD
-    return Fan(stamp_ns, outline if is_closed else np.vstack((here_m[:2], outline)))
+    return outline if is_closed else np.vstack((here_m[:2], outline))
 
 
 def spread_indices(record: SceneRecord, count: int) -> list[int]:
@@ -169,16 +164,16 @@ def _far_sides(lives: Sequence[Life], stamp_ns: int, start_m: Floats, rays: Floa
     return ends
 
 
-def draw_view(canvas: Canvas, view: View, fan: Fan, colour: Rgb, alpha: float) -> None:
+def draw_view(canvas: Canvas, view: View, fan: Floats) -> None:
     """Tint a field of view, and draw its edge."""
-    outline = view.pixels(fan.outline_m)
-    canvas.fill(outline, colour, alpha)
-    canvas.line(outline, colour, 1.0, 2.25 * alpha, closed=True)
+    outline = view.pixels(fan)
+    canvas.fill(outline, SEEN, _FAN_ALPHA)
+    canvas.line(outline, SEEN, 1.0, 2.25 * _FAN_ALPHA, closed=True)
 
 
-def draw_ever_seen(canvas: Canvas, view: View, fans: Sequence[Fan]) -> None:
+def draw_ever_seen(canvas: Canvas, view: View, fans: Sequence[Floats]) -> None:
     """Tint what was in any of the fields of view, evenly however many overlap."""
-    canvas.tint([view.pixels(fan.outline_m) for fan in fans], SEEN, _SEEN_ALPHA)
+    canvas.tint([view.pixels(fan) for fan in fans], SEEN, _SEEN_ALPHA)
 
 
 def robot_outline(footprint: Footprint) -> Floats:

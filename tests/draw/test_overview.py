@@ -97,7 +97,7 @@ def test_all_cameras_are_drawn(tmp_path: Path) -> None:
     backward = CameraAt(1, PINHOLE, RigidTransform.planar(2.5, 2.5, math.pi) @ camera)
     both = replace(record, others={10**9: (backward,)})
     (fan,) = other_fans(both, walls_of(_room(), 65), 10**9)
-    assert fan.outline_m[1:, 0].max() < 2.5
+    assert fan[1:, 0].max() < 2.5
     assert other_fans(record, walls_of(_room(), 65), 10**9) == []
     one, two = (_drawn(each, _room(), tmp_path / "a.png") for each in (record, both))
     assert (one != two).any(axis=2).sum() > 10_000
@@ -144,7 +144,7 @@ def test_the_octomap_is_drawn_and_hides_at_the_height_of_the_camera(tmp_path: Pa
         voxels = VoxelMap(grid.origin, (0.1, 0.1, 0.1), occupied)
         fan = fan_at(record, walls_of(grid, 65, voxels), 0)
         assert fan is not None
-        assert (fan.outline_m[:, 0].max() < 1.9) == is_hiding
+        assert (fan[:, 0].max() < 1.9) == is_hiding
         draw_overview(record, grid, tmp_path / "a.png", occupied_threshold=65, voxels=voxels)
         draw_overview(record, grid, tmp_path / "b.png", occupied_threshold=65)
         one, other = (cv2.imread(str(tmp_path / name)) for name in ("a.png", "b.png"))
@@ -300,9 +300,9 @@ def test_taller_artefacts_end_a_fan() -> None:
     for record in (blocked, _record((), WAY[:1])):
         fan = fan_at(record, walls_of(_room(), 65), 0)
         assert fan is not None
-        offsets = fan.outline_m[1:] - (0.5, 0.5)
+        offsets = fan[1:] - (0.5, 0.5)
         ahead = np.argmin(np.abs(np.arctan2(offsets[:, 1], offsets[:, 0])))
-        reaches.append(float(fan.outline_m[1 + ahead, 0]))
+        reaches.append(float(fan[1 + ahead, 0]))
     assert reaches[0] == pytest.approx(2.5 + 0.3 / math.cos(0.4), abs=0.1)
     assert reaches[1] == pytest.approx(4.4, abs=0.12)
 
@@ -311,8 +311,8 @@ def test_fan_of_a_pinhole_is_as_wide_as_its_view() -> None:
     """The fan of a pinhole camera begins at the camera and opens by its field of view."""
     fan = fan_at(_record((), WAY[:1]), walls_of(_room(), 65), 0)
     assert fan is not None
-    assert fan.outline_m[0] == pytest.approx((0.5, 0.5))
-    offsets = fan.outline_m[[1, -1]] - fan.outline_m[0]
+    assert fan[0] == pytest.approx((0.5, 0.5))
+    offsets = fan[[1, -1]] - fan[0]
     half = math.atan(63 / 64)
     assert sorted(np.arctan2(offsets[:, 1], offsets[:, 0])) == pytest.approx(
         [-half, half], abs=0.01

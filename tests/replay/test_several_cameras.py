@@ -74,8 +74,7 @@ def _compare_views(out: Path) -> None:
     looks = [pose.rotation_matrix()[:, 2] for pose in (front, right.map_from_camera)]
     assert np.cross(looks[0], looks[1])[2] == pytest.approx(-np.sin(1.2), abs=0.01)
     walls = walls_of(scene.grid, 65)
-    (fan,) = other_fans(record, walls, stamp_ns)
-    assert fan.stamp_ns == stamp_ns
+    assert len(other_fans(record, walls, stamp_ns)) == 1
 
 
 def test_a_camera_that_is_not_recorded_is_named(bag: Path, run_are: RunAre, tmp_path: Path) -> None:
