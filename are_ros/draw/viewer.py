@@ -93,12 +93,12 @@ class ViewedPlace:
     """
 
     grid: OccupancyGrid
-    voxels: VoxelMap | None
+    voxels: VoxelMap
     catalogue: Catalogue
     footprint: Footprint
     camera: ViewModel | None
     max_range_m: float
-    ground_m: float = 0.0
+    ground_m: float
 
 
 @dataclass(frozen=True)
@@ -320,8 +320,6 @@ class ViewedScene:
         )
 
     def _draw_walls(self) -> None:
-        if self._place.voxels is None:
-            return
         ground_m = self._place.ground_m
         voxels = between(self._place.voxels, ground_m + _LOWEST_M, ground_m + _HIGHEST_M)
         if voxels is None:

@@ -52,11 +52,9 @@ def scene_parts(place: ViewedPlace, world: WorldParameters, moment: Moment) -> l
     where the ground is looked for among the voxels. Parts without a triangle are left out.
     """
     identity, bodies = RigidTransform.identity(), ArtefactBodies(place.catalogue)
-    parts = []
-    if place.voxels is not None:
-        parts.append(Part(ENVIRONMENT, ENVIRONMENT, *exposed_surface(place.voxels), WALL, identity))
-    has_level_floor = place.voxels is None or place.voxels.is_extruded
-    if has_level_floor or world.ground is GroundKind.PLANE:
+    surface = exposed_surface(place.voxels)
+    parts = [Part(ENVIRONMENT, ENVIRONMENT, *surface, WALL, identity)]
+    if place.voxels.is_extruded or world.ground is GroundKind.PLANE:
         sheet = level_surface(place.grid, _bare_floor(place, world), place.ground_m)
         parts.append(Part(GROUND, GROUND, *sheet, FLOOR, identity))
     for one in moment.artefacts:
@@ -72,12 +70,11 @@ def _bare_floor(place: ViewedPlace, world: WorldParameters) -> npt.NDArray[np.bo
     grid = place.grid
     classes = classify(grid, world.occupied_threshold, world.free_threshold)
     floor: npt.NDArray[np.bool_] = classes.free.copy()
-    if place.voxels is not None:
-        cells = np.argwhere(floor)
-        middles_m = grid.cells_to_points(cells)
-        for height_m in (place.ground_m - _BESIDE_M, place.ground_m + _BESIDE_M):
-            points_m = np.column_stack((middles_m, np.full(len(cells), height_m)))
-            floor[tuple(cells.T)] &= ~place.voxels.are_occupied(points_m)
+    cells = np.argwhere(floor)
+    middles_m = grid.cells_to_points(cells)
+    for height_m in (place.ground_m - _BESIDE_M, place.ground_m + _BESIDE_M):
+        points_m = np.column_stack((middles_m, np.full(len(cells), height_m)))
+        floor[tuple(cells.T)] &= ~place.voxels.are_occupied(points_m)
     return floor
 
 

@@ -56,7 +56,7 @@ def place() -> ViewedPlace:
     voxels = VoxelMap.extruded(grid, cells >= 65, 2.5, 0.0)
     footprint = Footprint(np.zeros((1, 2)), 0.3)
     camera = PinholeView.from_field_of_view(64, 48, math.radians(80.0))
-    return ViewedPlace(grid, voxels, Catalogue(()), footprint, camera, 10.0)
+    return ViewedPlace(grid, voxels, Catalogue(()), footprint, camera, 10.0, 0.0)
 
 
 def artefact(number: int, class_name: str, x_m: float) -> ArtefactAt:

@@ -35,13 +35,20 @@ UPRIGHT = np.array(((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)))
 """From glTF's axes to the map's: z is glTF's y, y is its -z."""
 
 
-def place(voxels: VoxelMap | None, catalogue: Catalogue = Catalogue(())) -> ViewedPlace:  # noqa: B008
-    """Return a room of 4 m by 3 m with walls around it, and half a metre of unknown at one end."""
+def place(
+    voxels: VoxelMap | None = None,
+    catalogue: Catalogue = Catalogue(()),  # noqa: B008
+) -> ViewedPlace:
+    """Return a room of 4 m by 3 m with walls around it, and half a metre of unknown at one end.
+
+    Without voxels the walls are extruded.
+    """
     cells = np.zeros((30, 40), dtype=np.int8)
     cells[[0, -1]] = cells[:, [0, -1]] = 100
     cells[1:-1, 1:6] = -1
     grid = OccupancyGrid(cells, 0.1, RigidTransform.planar(-1.0, 0.5, 0.0), "map")
-    return ViewedPlace(grid, voxels, catalogue, Footprint(np.zeros((1, 2)), 0.3), None, 10.0)
+    voxels = voxels or VoxelMap.extruded(grid, cells >= 65, 2.5, 0.0)
+    return ViewedPlace(grid, voxels, catalogue, Footprint(np.zeros((1, 2)), 0.3), None, 10.0, 0.0)
 
 
 def blocks(seed: int) -> VoxelMap:
@@ -165,7 +172,7 @@ def test_both_files_have_the_same_bounds_one_with_y_up(tmp_path: Path) -> None:
 
 def test_a_ply_has_the_colours_at_its_vertices(tmp_path: Path) -> None:
     """As people know them, from 0 to 255."""
-    parts = scene_parts(place(None), WORLD, moment())
+    parts = scene_parts(place(), WORLD, moment())
     mesh = written(tmp_path, ".ply", parts)
     expected = np.concatenate([np.tile((*p.colour, 255), (len(p.vertices_m), 1)) for p in parts])
     assert np.array_equal(mesh.visual.vertex_colors, expected)
@@ -192,9 +199,7 @@ def test_there_is_no_plane_where_the_ground_is_looked_for_among_the_voxels() -> 
     world = replace(WORLD, ground=GroundKind.VOXELS)
     names = [part.name for part in scene_parts(place(blocks(3)), world, moment(()))]
     assert names == ["environment"]
-    room = place(None)
-    walls = VoxelMap.extruded(room.grid, room.grid.cells >= 65, 2.5, 0.0)
-    names = [part.name for part in scene_parts(replace(room, voxels=walls), world, moment(()))]
+    names = [part.name for part in scene_parts(place(), world, moment(()))]
     assert names == ["environment", "floor"]
 
 
