@@ -63,13 +63,21 @@ class ReplayOptions:
 
 def refuse_absent_infos(reader: BagReader, sensors: SensorsParameters) -> None:
     """Raise BagError where the parameters name a CameraInfo that the recording does not have."""
-    infos = [topic.name for topic in reader.topics if topic.type_name == CAMERA_INFO_TYPE]
-    for topic in sensors.info_by_image.values():
-        if topic not in infos:
-            known = ", ".join(sorted(infos)) or "none"
-            raise BagError(
-                f"sensors.camera_infos: the recording has no CameraInfo '{topic}'; it has: {known}"
-            )
+    infos, said = _camera_infos(reader), "sensors.camera_infos: the recording has no CameraInfo"
+    _refuse_absent(sensors.info_by_image.values(), infos, said, "it has")
+
+
+def _camera_infos(reader: BagReader) -> list[str]:
+    """Return the topics of all CameraInfo."""
+    return [topic.name for topic in reader.topics if topic.type_name == CAMERA_INFO_TYPE]
+
+
+def _refuse_absent(names: Iterable[str], found: Collection[str], said: str, these: str) -> None:
+    """Raise BagError for the first name that is not found, with all that are."""
+    for name in names:
+        if name not in found:
+            known = ", ".join(sorted(found)) or "none"
+            raise BagError(f"{said} '{name}'; {these}: {known}")
 
 
 @dataclass(frozen=True)
@@ -248,7 +256,7 @@ def topics_to_read(reader: BagReader, options: ReplayOptions, roles: RolesFound)
             chosen = {topic: role for topic, role in chosen.items() if role != kind.role}
             chosen |= dict.fromkeys(_named_sensors(reader, kind, sensors), kind.role)
     chosen |= dict.fromkeys(_other_cameras(reader, options), OTHER_CAMERA)
-    infos = {topic.name for topic in reader.topics if topic.type_name == CAMERA_INFO_TYPE}
+    infos = _camera_infos(reader)
     for topic in lens_topics(chosen, sensors).values():
         if topic in infos:
             chosen.setdefault(topic, CAMERA_INFO)
@@ -259,13 +267,8 @@ def topics_to_read(reader: BagReader, options: ReplayOptions, roles: RolesFound)
 def _other_cameras(reader: BagReader, options: ReplayOptions) -> list[str]:
     """Return the topics of `camera.others`, in their order; BagError where one is not there."""
     names = [slashed(name) for name in options.parameters.camera.others]
-    infos = {topic.name for topic in reader.topics if topic.type_name == CAMERA_INFO_TYPE}
-    for name in names:
-        if name not in infos:
-            known = ", ".join(sorted(infos)) or "none"
-            raise BagError(
-                f"camera.others: the recording has no CameraInfo '{name}'; it has: {known}"
-            )
+    said = "camera.others: the recording has no CameraInfo"
+    _refuse_absent(names, _camera_infos(reader), said, "it has")
     return names
 
 
@@ -273,11 +276,6 @@ def _named_sensors(reader: BagReader, kind: SensorKind, parameters: SensorsParam
     """Return the topics of a kind that the parameters name; BagError where one is not there."""
     names = [f"/{name.lstrip('/')}" for name in kind.topics(parameters)]
     found = {topic.name for topic in reader.topics if topic.type_name == kind.type_of(topic.name)}
-    for name in names:
-        if name not in found:
-            known = ", ".join(sorted(found)) or "none"
-            raise BagError(
-                f"sensors.{kind.parameter}: the recording has no {kind.role} '{name}'; "
-                f"its {kind.role}s: {known}"
-            )
+    said = f"sensors.{kind.parameter}: the recording has no {kind.role}"
+    _refuse_absent(names, found, said, f"its {kind.role}s")
     return names
