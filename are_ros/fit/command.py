@@ -1,12 +1,7 @@
 """`are fit` without the shell: observed rows in, the mixture that explains them out."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, NoReturn
-
-from tqdm import tqdm
 
 from are_ros.bag.recording import find_recording
 from are_ros.builder.files.catalogue_file import read_catalogue
@@ -25,12 +20,10 @@ from are_ros.fit.results import (
 )
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
-from are_ros.population.mixture_fit import Progress, best_by_bic, fit_by_bic, fit_mixture
+from are_ros.population.mixture_fit import best_by_bic, fit_by_bic, fit_mixture
 from are_ros.replay.output_folder import all_or_nothing, no_empty_folders
-from are_ros.replay.progress import ProgressBar, Say
+from are_ros.replay.progress import CountBar, ProgressBar, Say
 from are_ros.replay.results import write_json
-
-_SHOWN_AFTER_S: Final = 1.0
 
 
 @dataclass(frozen=True)
@@ -87,11 +80,11 @@ def fitted(
     """Fit the mixture; an error of the rows names their source."""
     counts, seed = observed.counts, options.seed
     try:
-        with _search_bar() as progress:
+        with CountBar("fit") as bar:
             if options.components is None:
-                fits = fit_by_bic(counts, options.max_components, seed=seed, progress=progress)
+                fits = fit_by_bic(counts, options.max_components, seed=seed, progress=bar.count)
             else:
-                fits = (fit_mixture(counts, options.components, seed=seed, progress=progress),)
+                fits = (fit_mixture(counts, options.components, seed=seed, progress=bar.count),)
     except (InputError, ParameterError) as cause:
         told = f" ({'; '.join(observed.notes)})" if observed.notes else ""
         raise type(cause)(f"{options.source}: {cause}{told}") from cause
@@ -122,16 +115,3 @@ def write_outcome(outcome: FitOutcome, folder: Path) -> None:
             is_by_bic=outcome.is_by_bic,
             catalogue=outcome.space.catalogue,
         )
-
-
-@contextmanager
-def _search_bar() -> Iterator[Progress]:
-    """Show a bar on stderr if the search is long; where stderr is no terminal there is none."""
-    bar: tqdm[NoReturn] = tqdm(desc="fit", unit="n", disable=None, delay=_SHOWN_AFTER_S)
-
-    def move(done: int, of: int) -> None:
-        bar.total = of
-        bar.update(done - bar.n)
-
-    with bar:
-        yield move
