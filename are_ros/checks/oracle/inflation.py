@@ -1,7 +1,7 @@
 """The inflation of a costmap by scipy's distances and Nav2's formula."""
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,16 +54,15 @@ class Inflation:
         everywhere = (slice(None), slice(None))
         self.static_low = self._published(self._low[squares], everywhere)
         self.static_high = self._published(self._high[squares], everywhere)
-        self._patches: dict[int, _Patch] = {}
+        self._patches: dict[Cover, _Patch] = {}
 
     def bounds(self, covers: list[Cover]) -> tuple[Published, Published]:
         """Return the least and the greatest costmap, int8 (h, w), of the map with these cells."""
         low, high = self.static_low.copy(), self.static_high.copy()
         before, self._patches = self._patches, {}
         for cover in covers:
-            known = before.get(id(cover))
-            patch = self._patch(cover) if known is None else known
-            self._patches[id(cover)] = patch
+            patch = before.get(cover) or self._patch(cover)
+            self._patches[cover] = patch
             np.maximum(low[patch.window], patch.low, out=low[patch.window])
             np.maximum(high[patch.window], patch.high, out=high[patch.window])
         return low, high
@@ -72,7 +71,7 @@ class Inflation:
         both = np.concatenate((cover.sure, cover.touched))
         if not both.size:
             nothing = (slice(0, 0), slice(0, 0))
-            return _Patch(cover, nothing, self.static_low[nothing], self.static_low[nothing])
+            return _Patch(nothing, self.static_low[nothing], self.static_low[nothing])
         height, width = self.real.cells.shape
         rows, cols = np.divmod(both, width)
         margin = self._radius + 1
@@ -85,7 +84,7 @@ class Inflation:
         low = self._published(self._low[self._squares(mask)], window)
         mask[rows - row0, cols - col0] = True
         high = self._published(self._high[self._squares(mask)], window)
-        return _Patch(cover, window, low, high)
+        return _Patch(window, low, high)
 
     def _squares(self, mask: Mask) -> NDArray[np.int64]:
         """Return squared distances [cells^2] from the nearest cell of a mask, up to the table."""
@@ -107,11 +106,9 @@ class Inflation:
         return scaled.astype(np.int8)
 
 
-@dataclass(frozen=True, eq=False)
-class _Patch:
-    """The costs about one box. It holds the cover, because `id` finds the patch again."""
+class _Patch(NamedTuple):
+    """The costs about one box."""
 
-    cover: Cover
     window: tuple[slice, slice]
     low: Published
     high: Published
