@@ -1,6 +1,6 @@
 """The services of the node: requests are carried out at once, or refused with the reason."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Any, Final
 
@@ -16,13 +16,6 @@ from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.message_classes import service_class
 from are_ros.wording import counted
 
-_TYPES: Final = {
-    "spawn": "are_msgs/srv/SpawnArtefact",
-    "remove": "are_msgs/srv/RemoveArtefact",
-    "reseed": "are_msgs/srv/Reseed",
-    "clear": "std_srvs/srv/Trigger",
-    "pause": "std_srvs/srv/SetBool",
-}
 _MOST_WAITING: Final = 1000
 """So many requests may wait for a callback to return; of more, DDS would drop the oldest. By the
 default of ROS ten may."""
@@ -50,15 +43,14 @@ class Services:
         self._now_ns = now_ns
         self._pause = pause
         self._turn = turn
-        handlers: Mapping[str, Callable[[Any, Any, LiveBuilder, int], str]] = {
-            "spawn": self._spawn,
-            "remove": self._remove,
-            "reseed": self._reseed,
-            "clear": self._clear,
-            "pause": self._set_paused,
-        }
-        for name, handler in handlers.items():
-            kind, answer = service_class(_TYPES[name]), self._answering(handler)
+        for name, type_name, handler in (
+            ("spawn", "are_msgs/srv/SpawnArtefact", self._spawn),
+            ("remove", "are_msgs/srv/RemoveArtefact", self._remove),
+            ("reseed", "are_msgs/srv/Reseed", self._reseed),
+            ("clear", "std_srvs/srv/Trigger", self._clear),
+            ("pause", "std_srvs/srv/SetBool", self._set_paused),
+        ):
+            kind, answer = service_class(type_name), self._answering(handler)
             qos = QoSProfile(depth=_MOST_WAITING)
             node.create_service(kind, f"~/{name}", answer, qos_profile=qos)
 
