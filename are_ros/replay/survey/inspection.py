@@ -93,7 +93,6 @@ class InspectedTopic:
     frame_id: str
 
 
-@dataclass(frozen=True)
 class Inspection:
     """The content of `are inspect`. Messages lie in [start_ns, end_ns).
 
@@ -101,19 +100,81 @@ class Inspection:
     that a replay needs or could use; it is empty for a recording that can be replayed as it is.
     `sensors` are the topics that the user names for each sensor's role. `time` has sentences about
     the clock, the gaps and late transforms, `misfits` about scans whose angles do not fit.
+
+    Of what they come from, `trouble` is why the stamps give no clock, and `role_of_topic` has the
+    sensors and the CameraInfo. `lenses` are the topics of the CameraInfos of images, `readings` as
+    of `_first_readings`, and `waits` as of `_waits`.
     """
 
-    start_ns: int
-    end_ns: int
-    topics: tuple[InspectedTopic, ...]
-    roles: RolesFound
-    sensors: Mapping[str, Sequence[str]]
-    frames: FrameSurvey
-    map_frame: str
-    base_frame: str
-    missing: tuple[str, ...]
-    time: tuple[str, ...]
-    misfits: tuple[str, ...]
+    def __init__(
+        self,
+        reader: BagReader,
+        roles: RolesFound,
+        sensors: Mapping[str, Sequence[str]],
+        parameters: Parameters,
+        *,
+        has_map_file: bool,
+    ) -> None:
+        """Read what is needed of a recording, and say what is missing."""
+        self.reader, self.roles, self.sensors = reader, roles, sensors
+        self.start_ns, self.end_ns = span_ns = reader.start_ns, reader.end_ns
+        named = {topic: role for role, topics in sensors.items() for topic in topics}
+        given_edges = [(p, c) for p, c, _ in parse_static_transforms(parameters.frames.static)]
+        reader.expect(types_of({**roles.by_topic(ROLE_TYPES), **named}))
+        self.frame_ids = frame_ids = _first_frames(reader)
+        self.times = RecordedTimes.read(reader, _timed(reader, roles, named), *span_ns)
+        self.clock, self.trouble = _clock(self.times)
+        self.stretches = stretches_of(self.times, self.clock, *span_ns)
+        recorded = RecordedFrames(parameters)
+        source = odometry_source(parameters)
+        survey = _survey(reader, roles, given_edges, self.clock, self.stretches, recorded, source)
+        self.tree = recorded.tree
+        of_map = "" if has_map_file else frame_ids.get(roles.topic("map") or "", "")
+        self.map_frame = of_map or parameters.frames.map
+        base_frame = base_frame_of(survey.frames(), self.times.odometry_child)
+        self.base_frame = parameters.frames.base or base_frame
+        self.role_of_topic = {**roles.by_topic(_SENSOR_ROLES), **named}
+        cameras = {frame_ids.get(topic, "") for topic in _camera_topics(self.role_of_topic)}
+        upwards = upward_cameras(self.tree, self.base_frame, cameras) if self.base_frame else []
+        standing = _standing(survey, self.map_frame, self.base_frame)
+        self.frames = replace(survey, oddities=(*survey.oddities, *upwards, *standing))
+        self.readings = _first_readings(reader, self.role_of_topic)
+        self.lenses = lens_topics(self.role_of_topic, parameters.sensors)
+        refuse_absent_infos(reader, parameters.sensors)
+        self.infos = substitute_infos(reader, self.lenses, parameters.sensors.camera_infos)
+        self.waits = list(self._waits(given_edges, parameters.poses.history))
+        self.topics = tuple(
+            InspectedTopic(
+                topic, _rate_hz(reader, topic, self.stretches), frame_ids.get(topic.name, "")
+            )
+            for topic in reader.topics
+        )
+        self.missing = tuple(_missing(self, parameters, has_map_file=has_map_file))
+        self.time = (
+            *self.stretches.sentences(reader.start_ns),
+            *filter(None, (self.clock.sentence, self.clock.disagreement, self.trouble)),
+            *(sentence for sentence, is_known in self.waits if is_known),
+        )
+        chosen = (one.sentence() for one in self.infos if one.chosen)
+        self.misfits = (*chosen, *_misfits(self.readings))
+
+    def _waits(
+        self, given_edges: Iterable[tuple[str, str]], history_s: float
+    ) -> Iterable[tuple[str, bool]]:
+        """Say how long readings wait for their transforms, where anything joins them to the map.
+
+        Poses are kept for `history_s`. With each sentence comes whether any reading of the topic
+        gets its transform in time, or its clock is said to differ.
+        """
+        times, placed = self.times, self.frames.connected_to(self.map_frame)
+        waits = scan_waits(times, self.clock, self.map_frame, given_edges)
+        for topic, waits_ns in waits.items():
+            is_stamped = times.scans[topic].stamps_ns.any()
+            if len(waits_ns) or (is_stamped and times.scan_frames[topic] in placed):
+                noun = noun_of(self.role_of_topic.get(topic, "scan"))
+                known_ns = in_reach(waits_ns, history_s)
+                sentence = wait_sentence(topic, noun, waits_ns, len(times.scans[topic].log_ns))
+                yield sentence, topic in self.clock.apart or len(known_ns) > 0
 
 
 def inspect_bag(
@@ -131,108 +192,15 @@ def inspect_bag(
     """
     clouds = standing_clouds(reader, parameters.frames)
     roles = find_roles(reader.topics, overrides or {}, clouds)
-    named = {topic: role for role, topics in sensors.items() for topic in topics}
-    for topic, role in named.items():
-        find_roles(reader.topics, {role: topic})  # refuses what is of another type
-    found = _Found(reader, roles, named, parameters, has_map_file=has_map_file)
-    clock, infos = found.clock, found.infos
-    return Inspection(
-        reader.start_ns,
-        reader.end_ns,
-        tuple(
-            InspectedTopic(
-                topic, _rate_hz(reader, topic, found.stretches), found.frame_ids.get(topic.name, "")
-            )
-            for topic in reader.topics
-        ),
-        roles,
-        sensors,
-        found.survey,
-        found.map_frame,
-        found.base_frame,
-        tuple(_missing(found, parameters, sensors, has_map_file=has_map_file)),
-        (
-            *found.stretches.sentences(reader.start_ns),
-            *filter(None, (clock.sentence, clock.disagreement, found.trouble)),
-            *(sentence for sentence, is_known in found.waits if is_known),
-        ),
-        (*(one.sentence() for one in infos if one.chosen), *_misfits(found.readings)),
-    )
+    for role, topics in sensors.items():
+        for topic in topics:
+            find_roles(reader.topics, {role: topic})  # refuses what is of another type
+    return Inspection(reader, roles, sensors, parameters, has_map_file=has_map_file)
 
 
-class _Found:
-    """What was read of a recording, before it is said what is missing.
-
-    `trouble` is why its stamps give no clock. `role_of_topic` has the sensors and the CameraInfo.
-    `lenses` are the topics of the CameraInfos of images, `readings` as of `_first_readings`, and
-    `waits` as of `_waits`.
-    """
-
-    def __init__(
-        self,
-        reader: BagReader,
-        roles: RolesFound,
-        named: Mapping[str, str],
-        parameters: Parameters,
-        *,
-        has_map_file: bool,
-    ) -> None:
-        """Read what is needed; `named` are the roles of topics that the user names."""
-        self.reader, self.roles = reader, roles
-        given_edges = [(p, c) for p, c, _ in parse_static_transforms(parameters.frames.static)]
-        reader.expect(types_of({**roles.by_topic(ROLE_TYPES), **named}))
-        self.frame_ids = frame_ids = _first_frames(reader)
-        span_ns = reader.start_ns, reader.end_ns
-        self.times = RecordedTimes.read(reader, _timed(reader, roles, named), *span_ns)
-        self.clock, self.trouble = _clock(self.times)
-        self.stretches = stretches_of(self.times, self.clock, *span_ns)
-        recorded = RecordedFrames(parameters)
-        source = odometry_source(parameters)
-        survey = _survey(reader, roles, given_edges, self.clock, self.stretches, recorded, source)
-        self.tree = recorded.tree
-        of_map = "" if has_map_file else frame_ids.get(roles.topic("map") or "", "")
-        self.map_frame = of_map or parameters.frames.map
-        base_frame = base_frame_of(survey.frames(), self.times.odometry_child)
-        self.base_frame = parameters.frames.base or base_frame
-        self.role_of_topic = {**roles.by_topic(_SENSOR_ROLES), **named}
-        cameras = {frame_ids.get(topic, "") for topic in _camera_topics(self.role_of_topic)}
-        upwards = upward_cameras(self.tree, self.base_frame, cameras) if self.base_frame else []
-        standing = _standing(survey, self.map_frame, self.base_frame)
-        self.survey = replace(survey, oddities=(*survey.oddities, *upwards, *standing))
-        self.readings = _first_readings(reader, self.role_of_topic)
-        self.lenses = lens_topics(self.role_of_topic, parameters.sensors)
-        refuse_absent_infos(reader, parameters.sensors)
-        self.infos = substitute_infos(reader, self.lenses, parameters.sensors.camera_infos)
-        self.waits = list(self._waits(survey, given_edges, parameters.poses.history))
-
-    def _waits(
-        self, survey: FrameSurvey, given_edges: Iterable[tuple[str, str]], history_s: float
-    ) -> Iterable[tuple[str, bool]]:
-        """Say how long readings wait for their transforms, where anything joins them to the map.
-
-        Poses are kept for `history_s`. With each sentence comes whether any reading of the topic
-        gets its transform in time, or its clock is said to differ.
-        """
-        times, placed = self.times, survey.connected_to(self.map_frame)
-        waits = scan_waits(times, self.clock, self.map_frame, given_edges)
-        for topic, waits_ns in waits.items():
-            is_stamped = times.scans[topic].stamps_ns.any()
-            if len(waits_ns) or (is_stamped and times.scan_frames[topic] in placed):
-                noun = noun_of(self.role_of_topic.get(topic, "scan"))
-                known_ns = in_reach(waits_ns, history_s)
-                sentence = wait_sentence(topic, noun, waits_ns, len(times.scans[topic].log_ns))
-                yield sentence, topic in self.clock.apart or len(known_ns) > 0
-
-
-def _missing(
-    found: _Found,
-    parameters: Parameters,
-    sensors: Mapping[str, Sequence[str]],
-    *,
-    has_map_file: bool,
-) -> Iterable[str]:
+def _missing(found: Inspection, parameters: Parameters, *, has_map_file: bool) -> Iterable[str]:
     """Yield a sentence, with the option where there is one, for each input that is missing."""
-    reader, roles, survey = found.reader, found.roles, found.survey
+    reader, roles, survey = found.reader, found.roles, found.frames
     map_topic, frame_ids, role_of_topic = roles.topic("map"), found.frame_ids, found.role_of_topic
     map_frame, base_frame = found.map_frame, found.base_frame
     if not has_map_file:
@@ -241,7 +209,7 @@ def _missing(
         yield from _poor_map(reader, roles)
     yield from _other_map_frame(map_topic, map_frame, parameters.frames.map)
     yield from survey.refused
-    yield from _unchosen(roles, sensors)
+    yield from _unchosen(roles, found.sensors)
     yield from _missing_pose(survey, map_frame, base_frame, reader, roles, found.tree)
     yield from _turned_round(survey)
     yield from _rings(survey)
