@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -26,12 +26,9 @@ from are_ros.bag.writer import BagWriter
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.assembly import catalogue_of, parse_static_transforms
 from are_ros.builder.files.scenario_file import write_scenario
-from are_ros.builder.sensors.sensor_path import Problem, SensorPathCounts
 from are_ros.builder.warm_up import WarmUpNeeds, warm_up
 from are_ros.conventions import NS_PER_S
-from are_ros.draw.scene import SceneRecord
 from are_ros.errors import BagError, InputError, MapError
-from are_ros.messages.feed import Refusals
 from are_ros.messages.sensors import SENSORS
 from are_ros.messages.tick_encoding import SKIPPED, skipped_parts
 from are_ros.messages.transforms import StampedTransform
@@ -68,37 +65,11 @@ from are_ros.wording import listed
 from are_ros.world.map_io import doubt_about_unknown, read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.voxel_files.octomap import read_voxel_file
-from are_ros.world.voxel_map import VoxelMap
 
 _PREPARING: Final = "preparing the kernels (a minute or two the first time)"
 
 Cloud = tuple[npt.NDArray[np.floating], float | None]
 """Points (N, 3) [m], and the size [m] of the voxels whose centres they are, if known."""
-
-
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """The result of a replay, and its problems in sentences.
-
-    `apart` names topics and edges ("odom -> base") whose stamps go by another clock.
-    """
-
-    options: ReplayOptions
-    role_of_topic: Mapping[str, str]
-    record: SceneRecord
-    grid: OccupancyGrid
-    voxels: VoxelMap | None
-    scans: Mapping[str, SensorPathCounts]
-    scan_problems: Mapping[str, Problem]
-    camera_problem: str
-    cloud_problem: str
-    scan_problem: str
-    map_doubts: Sequence[str]
-    needed_wait_s: float
-    apart: Collection[str]
-    refusals: Refusals
-    messages_written: Mapping[str, int]
-    stopwatch: Stopwatch
 
 
 class _Run:
@@ -136,6 +107,40 @@ class _Run:
         _feed_files(self, grid)
 
 
+class Outcome:
+    """The result of a replay, and its problems in sentences.
+
+    `apart` names topics and edges ("odom -> base") whose stamps go by another clock.
+    """
+
+    def __init__(
+        self, run: _Run, grid: OccupancyGrid, written: Mapping[str, int], stopwatch: Stopwatch
+    ) -> None:
+        """Take a run at its end, with the map known then and the messages written by topic."""
+        builder, sensors = run.builder, run.builder.sensors
+        environment = builder.world.environment
+        self.options, self.stopwatch = run.options, stopwatch
+        self.role_of_topic, self.apart = run.replay.role_of_topic, run.replay.clock.apart
+        self.record, self.grid = run.recorder.record(), grid
+        self.voxels = None if environment is None else environment.own_voxels
+        self.scans, self.scan_problems = sensors.counts(), sensors.usual_problems()
+        self.camera_problem, self.scan_problem = _camera_problem(run), _scan_problem(run)
+        self.cloud_problem = _cloud_problem(builder)
+        self.needed_wait_s = run.timeline.needed_wait_s
+        self.refusals, self.messages_written = run.replay.feed.refusals, written
+        camera = builder.camera.frame_id if builder.camera else ""
+        camera_frames = run.timeline.image_frames | {camera}
+        self.map_doubts = [
+            *_late_map(run),
+            *filter(None, [builder.doubt_about_region]),
+            *_late_camera(run),
+            *_old_poses(run),
+            *upward_cameras(builder.frames, builder.robots.base_frame(), camera_frames),
+            *filter(None, [sensors.doubt_about_depth]),
+            *run.standing.sentences(),
+        ]
+
+
 def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) -> Outcome:
     """Run a replay, and write `augmented.mcap` into its folder if it has one.
 
@@ -159,7 +164,7 @@ def run_replay(options: ReplayOptions, say: Say, open_progress: OpenProgress) ->
     _save_scenario(run, say)
     for notice in [*run.builder.notices, *run.builder.frames.drain_notices()]:
         say(notice)
-    return _outcome(run, grid, counts(), stopwatch)
+    return Outcome(run, grid, counts(), stopwatch)
 
 
 def _save_scenario(run: _Run, say: Say) -> None:
@@ -172,42 +177,6 @@ def _save_scenario(run: _Run, say: Say) -> None:
     if catalogue_file and run.options.out is not None:
         kept = run.options.out / PARAMETERS
         say(f"it is of the catalogue {catalogue_file}: replay it with --params {kept}")
-
-
-def _outcome(
-    run: _Run, grid: OccupancyGrid, written: Mapping[str, int], stopwatch: Stopwatch
-) -> Outcome:
-    """Return the result of a run, with the map known at its end and the messages written."""
-    builder, sensors = run.builder, run.builder.sensors
-    camera = builder.camera.frame_id if builder.camera else ""
-    camera_frames = run.timeline.image_frames | {camera}
-    doubts = [
-        *_late_map(run),
-        *filter(None, [builder.doubt_about_region]),
-        *_late_camera(run),
-        *_old_poses(run),
-        *upward_cameras(builder.frames, builder.robots.base_frame(), camera_frames),
-        *filter(None, [sensors.doubt_about_depth]),
-        *run.standing.sentences(),
-    ]
-    return Outcome(
-        run.options,
-        run.replay.role_of_topic,
-        run.recorder.record(),
-        grid,
-        None if builder.world.environment is None else builder.world.environment.own_voxels,
-        sensors.counts(),
-        sensors.usual_problems(),
-        _camera_problem(run),
-        _cloud_problem(builder),
-        _scan_problem(run),
-        doubts,
-        run.timeline.needed_wait_s,
-        run.replay.clock.apart,
-        run.replay.feed.refusals,
-        written,
-        stopwatch,
-    )
 
 
 def _adapted(options: ReplayOptions, timeline: Timeline) -> ReplayOptions:
