@@ -71,6 +71,7 @@ from are_ros.draw.sheet import (
 from are_ros.population.scenario import FIRST_ADMITTED_ID
 from are_ros.wording import counted
 from are_ros.world.occupancy_grid import OccupancyGrid
+from are_ros.world.scan_matching import NEAR_M
 from are_ros.world.voxel_map import VoxelMap
 
 Floats = npt.NDArray[np.float64]
@@ -310,20 +311,19 @@ def draw_alignment(
     is_near: npt.NDArray[np.bool_],
     path: File,
     *,
-    near_m: float,
     title: str,
     subtitle: str,
 ) -> None:
     """Write the map with scans at their best pose, and at those that fit as well, as PNG.
 
-    The best is the first of `placed`, whose endpoints lie near a wall or not, (N,), by `near_m`.
+    The best is the first of `placed`, whose endpoints lie near a wall or not, (N,).
     The same input gives the same bytes. Raises OSError.
     """
     part = known_part(grid)
     rivals = [*zip(placed[1:], _RIVALS, strict=False)]
     places = [np.empty((0, 2)), *(scans.places_m for scans in placed)]
     window = window_of(grid, part, np.concatenate(places))
-    sheet = Sheet.of(window, [_legend(placed, rivals, near_m)])
+    sheet = Sheet.of(window, [_legend(placed, rivals)])
     canvas, view = sheet.canvas, sheet.view
     draw_map(canvas, view, grid, part)
     for scans, colour in reversed(rivals):
@@ -352,7 +352,7 @@ def _draw_dots(canvas: Canvas, view: View, points_m: Floats, colour: Rgb) -> Non
 
 
 def _legend(
-    placed: Sequence[PlacedScans], rivals: Sequence[tuple[PlacedScans, Rgb]], near_m: float
+    placed: Sequence[PlacedScans], rivals: Sequence[tuple[PlacedScans, Rgb]]
 ) -> list[Entry]:
     def dot(text: str, colour: Rgb) -> Entry:
         return Entry(text, mark_sign("disc", 6.0, colour, colour))
@@ -360,7 +360,7 @@ def _legend(
     if not placed:
         return []
     return [
-        dot(f"endpoint within {near_m:g} m of a wall", _NEAR),
+        dot(f"endpoint within {NEAR_M:g} m of a wall", _NEAR),
         dot("farther", _FAR),
         Entry("path of the laser", line_sign(ROBOT, 2.0)),
         *(dot("fits as well", colour) for _, colour in rivals),

@@ -442,9 +442,7 @@ def draw_outcome(outcome: AlignOutcome, path: Path) -> None:
         share = f"{found.best.near:.0%} of endpoints within {NEAR_M:g} m of a wall"
         subtitle = f"{outcome.line(found.best)}   ·   {share}"
     is_near = outcome.near(cloud)
-    draw_alignment(
-        outcome.grid, placed, is_near, path, near_m=NEAR_M, title=title, subtitle=subtitle
-    )
+    draw_alignment(outcome.grid, placed, is_near, path, title=title, subtitle=subtitle)
 
 
 def align(options: ReplayOptions, say: Say) -> AlignOutcome:
