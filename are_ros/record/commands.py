@@ -1,6 +1,6 @@
 """The commands of `are` that play, record and show; `say` prints their text."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +23,8 @@ from are_ros.replay.output_folder import (
     no_empty_folders,
 )
 from are_ros.replay.pictures import draw_recording, view_recording
-from are_ros.replay.progress import ProgressBar
+from are_ros.replay.progress import ProgressBar, Say
 from are_ros.wording import counted
-
-Say = Callable[[str], None]
 
 
 def play_command(say: Say, remaps: Sequence[str], **options: Any) -> bool:

@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -26,11 +26,12 @@ from are_ros.node.startup import executor_of, ros_session
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import write_ros_parameters
+from are_ros.record.lockstep import ShouldStop
 from are_ros.record.player import PlayOutcome, play
 from are_ros.record.publishers import PlayOptions
 from are_ros.record.recorder import NODE_NAME
 from are_ros.replay.output_folder import AUGMENTED, earlier_results
-from are_ros.replay.progress import Progress
+from are_ros.replay.progress import OpenProgress, Say
 from are_ros.wording import why_refused
 
 NODE: Final = "/ar_builder"
@@ -47,10 +48,6 @@ _END_S: Final = 15.0
 _WARNING: Final = re.compile(r"^\[(?:WARN|ERROR|FATAL)\] \[[\d.]+\] \[[^]]*\]: (.+)$", re.MULTILINE)
 _DOMAINS: Final = range(102, 41, -1)
 """People mostly use low domain ids."""
-
-Say = Callable[[str], None]
-ShouldStop = Callable[[], bool]
-OpenProgress = Callable[[int, int], Progress]
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ import struct
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from queue import Empty, SimpleQueue
 from typing import Final
@@ -12,6 +12,7 @@ from typing import Final
 from are_ros.bag.writer import BagWriter, OfferedQos
 from are_ros.conventions import NS_PER_S
 from are_ros.record.inbox import Stamped
+from are_ros.replay.progress import Say
 
 MOST_QUEUED_BYTES: Final = 256 * 1024 * 1024
 """The most bytes that may wait for the disk."""
@@ -163,7 +164,7 @@ class SimulatedClock(WallClock):
     arrival. One notice is given.
     """
 
-    def __init__(self, say: Callable[[str], None]) -> None:
+    def __init__(self, say: Say) -> None:
         super().__init__()
         self._say = say
         self._now_ns: int | None = None

@@ -36,11 +36,10 @@ from are_ros.node.startup import executor_of, ros_session, stop_on_signals
 from are_ros.parameters.declaration import Description, describe, value_at, with_values
 from are_ros.parameters.model import Parameters
 from are_ros.replay.pictures import place_of
+from are_ros.replay.progress import Say
 from are_ros.replay.recorded_scene import AUGMENTED_SCAN, SceneReader, other_camera_roles
 from are_ros.wording import listed
 from are_ros.world.cameras import Camera
-
-Say = Callable[[str], None]
 
 _NODE: Final = "ar_builder"
 _INPUTS: Final = ("map", "octomap_point_cloud_centers", "camera/camera_info", "odom")
@@ -274,7 +273,7 @@ class LiveView:
         self._heard_s = time.monotonic()
         if self._is_silent:  # it may be another node, with parameters of its own
             self._is_silent = False
-            self._request(self._read_parameters)
+            self._requests.put(self._read_parameters)
         self.ticks.append(tick)
         self._count += 1
         with self._server.atomic():
@@ -315,7 +314,12 @@ class LiveView:
         artefacts = gui.add_button_group(
             "artefacts", (_PAUSE, "go on"), hint="The node's service ~/pause."
         )
-        artefacts.on_click(lambda _: self._ask_pause(is_paused=artefacts.value == _PAUSE))
+
+        def pause(_: Any) -> None:
+            is_paused = artefacts.value == _PAUSE
+            self._requests.put(lambda: self.pause(is_paused=is_paused))
+
+        artefacts.on_click(pause)
         self._follows_camera = gui.add_checkbox("look through the robot's camera", False)
         with gui.add_folder("place an artefact"):
             rows = self._labels()
@@ -355,7 +359,7 @@ class LiveView:
 
         def send(event: Any) -> None:
             if event.client is not None:  # else the slider follows the node
-                self._request(lambda: self._set(item.path, kind(slider.value)))
+                self._requests.put(lambda: self._set(item.path, kind(slider.value)))
 
         slider.on_update(send)
 
@@ -379,12 +383,6 @@ class LiveView:
         for path in self.sliders:
             self._move_slider(path, value_at(parameters, path))
         return f"{self._remote.name} is there again"
-
-    def _ask_pause(self, *, is_paused: bool) -> None:
-        self._request(lambda: self.pause(is_paused=is_paused))
-
-    def _request(self, request: Callable[[], str]) -> None:
-        self._requests.put(request)
 
     def _set(self, path: str, value: float) -> str:
         return self._remote.set_parameter(path, value) or f"{path} is {value:g}"
@@ -421,7 +419,7 @@ class LiveView:
         start, way = np.asarray(origin, np.float64), np.asarray(direction, np.float64)
         if way[2] < 0.0 and start[2] > ground_m:
             x_m, y_m, _ = (start + way * ((ground_m - start[2]) / way[2])).tolist()
-            self._request(lambda: self._spawn(x_m, y_m))
+            self._requests.put(lambda: self._spawn(x_m, y_m))
 
     def _spawn(self, x_m: float, y_m: float) -> str:
         pose = message_class("geometry_msgs/msg/PoseStamped")()

@@ -1,7 +1,7 @@
 """`are play`: a recording to live topics, with /clock, as `ros2 bag play --clock` does."""
 
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from heapq import merge
 from operator import itemgetter
@@ -23,7 +23,7 @@ from are_ros.record.publishers import (
     PlayOptions,
     await_subscribers,
 )
-from are_ros.replay.progress import Progress
+from are_ros.replay.progress import OpenProgress, Progress, Say
 from are_ros.wording import counted, duration_text
 
 # The window of a recording that is played, and its clock.
@@ -167,8 +167,8 @@ class PlayOutcome:
 
 def play(
     options: PlayOptions,
-    say: Callable[[str], None],
-    open_progress: Callable[[int, int], Progress],
+    say: Say,
+    open_progress: OpenProgress,
     should_stop: ShouldStop,
 ) -> PlayOutcome:
     """Play a recording until its end, or until told to stop.

@@ -20,6 +20,7 @@ from are_ros.bag.types import ros2_type
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, NodeError
 from are_ros.node.message_classes import message_class
+from are_ros.replay.progress import Say
 from are_ros.wording import listed
 
 # The options of the player.
@@ -97,7 +98,7 @@ class PlayedTopics:
         reader: BagReader,
         options: PlayOptions,
         lasting: Collection[str],
-        say: Callable[[str], None],
+        say: Say,
     ) -> None:
         self.skipped: dict[str, str] = {}
         self.counts: dict[str, int] = {}
@@ -148,9 +149,7 @@ class PlayedTopics:
             self.publishers[topic].wait_for_all_acked(limit)
         return bool(waiting)
 
-    def _open(
-        self, node: Node, topic: BagTopic, options: PlayOptions, say: Callable[[str], None]
-    ) -> None:
+    def _open(self, node: Node, topic: BagTopic, options: PlayOptions, say: Say) -> None:
         try:
             self.publishers[topic.name] = self._publisher(node, topic, options)
         except NodeError as cause:
@@ -237,7 +236,7 @@ def await_subscribers(
     node: Node,
     publishers: Mapping[str, Any],
     options: PlayOptions,
-    say: Callable[[str], None],
+    say: Say,
     should_stop: Callable[[], bool],
 ) -> bool:
     """Wait until the nodes of `options` subscribe, and all known subscribers are connected.

@@ -16,6 +16,7 @@ from are_ros.node.startup import ros_session
 from are_ros.record.file import FileWriter, SimulatedClock, WallClock
 from are_ros.record.inbox import Inbox, Stamped
 from are_ros.record.topics import RecordOptions, TopicFollower
+from are_ros.replay.progress import Say
 from are_ros.wording import counted
 
 # The services of a node without an executor.
@@ -110,7 +111,7 @@ class RecordOutcome:
 
 def record(
     options: RecordOptions,
-    say: Callable[[str], None],
+    say: Say,
     on_ready: Callable[[], None],
     should_stop: Callable[[], bool],
 ) -> RecordOutcome:

@@ -17,6 +17,7 @@ from are_ros.errors import BagError, InputError, NodeError
 from are_ros.node.message_classes import message_class
 from are_ros.record.file import CLOCK_TOPIC, CLOCK_TYPE, FileWriter
 from are_ros.record.inbox import Inbox
+from are_ros.replay.progress import Say
 from are_ros.wording import why_refused
 
 # The options of a recording.
@@ -222,7 +223,7 @@ class TopicFollower:
         types: InstalledTypes,
         inbox: Inbox,
         file: FileWriter,
-        say: Callable[[str], None],
+        say: Say,
     ) -> None:
         self._options = options
         self._types = types
