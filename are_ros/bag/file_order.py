@@ -17,6 +17,9 @@ import numpy.typing as npt
 
 from are_ros.conventions import NS_PER_S
 
+ROS2_SUFFIXES: Final = (".mcap", ".db3")
+"""Of files whose messages can be had in their order."""
+
 _LEAST_JUMP_NS: Final = NS_PER_S
 """Writers may put messages in another order by less."""
 
@@ -39,11 +42,6 @@ class JumpBack(NamedTuple):
     from_ns: int
     until_ns: int
     lone: tuple[tuple[int, int], ...] = ()
-
-
-def has_file_order(file: Path) -> bool:
-    """Return whether messages of such a file can be had in its order."""
-    return file.suffix in (".mcap", ".db3")
 
 
 def messages_in_file_order(file: Path, topics: Mapping[int, str]) -> Iterator[Raw]:

@@ -17,8 +17,8 @@ from rosbags.interfaces import MessageDefinitionFormat, Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from are_ros.bag.file_order import (
+    ROS2_SUFFIXES,
     JumpBack,
-    has_file_order,
     jump_back,
     messages_in_file_order,
 )
@@ -171,12 +171,11 @@ def _kind(store: Any, node: Any) -> Any:
 # Which files are recordings, and their readers.
 
 
-_ROS2_SUFFIXES = (".mcap", ".db3")
 _COMPRESSED = (".zstd", ".zst")
 """Files of rosbag2's compression by file, which metadata.yaml tells."""
-_METADATA = "metadata.yaml"
+METADATA: Final = "metadata.yaml"
 _ZSTD = b"\x28\xb5\x2f\xfd"
-_RESULT = "augmented.mcap"
+RECORDING: Final = "augmented.mcap"
 """The recording that replay and demo write into their folder."""
 
 
@@ -198,9 +197,9 @@ def recording_in(path: Path) -> Path:
 
     Any other path, a rosbag2 folder too, is returned unchanged.
     """
-    if not path.is_dir() or (path / _METADATA).is_file():
+    if not path.is_dir() or (path / METADATA).is_file():
         return path
-    inside = [path / _RESULT] if (path / _RESULT).is_file() else _recordings_in(path)
+    inside = [path / RECORDING] if (path / RECORDING).is_file() else _recordings_in(path)
     return inside[0] if len(inside) == 1 else path
 
 
@@ -219,14 +218,14 @@ def _is_ros1(path: Path) -> bool:
             f"{path}: a compressed file; give its folder, if that has a metadata.yaml, or"
             " decompress it (zstd -d)"
         )
-    if path.suffix not in (".bag", *_ROS2_SUFFIXES):
+    if path.suffix not in (".bag", *ROS2_SUFFIXES):
         message = f"{path}: it is no recording; give a rosbag2 folder, an .mcap, .db3 or .bag file"
         raise BagError(message)
     return path.suffix == ".bag"
 
 
 def _check_folder(path: Path) -> None:
-    if (path / _METADATA).is_file():
+    if (path / METADATA).is_file():
         return
     inside = [file.name for file in _recordings_in(path)]
     message = f"{path}: a folder without metadata.yaml is no rosbag2 recording"
@@ -244,12 +243,12 @@ def _not_among(folder: Path, named: Collection[Path]) -> list[str]:
     return [
         name
         for path, name in files.items()
-        if path not in named and path.suffix in suffixes and name != _RESULT
+        if path not in named and path.suffix in suffixes and name != RECORDING
     ]
 
 
 def _recordings_in(folder: Path) -> list[Path]:
-    return sorted(file for file in folder.iterdir() if file.suffix in (".bag", *_ROS2_SUFFIXES))
+    return sorted(file for file in folder.iterdir() if file.suffix in (".bag", *ROS2_SUFFIXES))
 
 
 # The message types that a recording defines, parsed when they are first needed.
@@ -367,7 +366,7 @@ class _Part:
     def in_file_order(self, topics: Collection[str]) -> Iterator["BagMessage"]:
         """Yield the messages of topics as they were written; of ROS 1 in order of log time."""
         file = Path(self.reader.path)
-        if not has_file_order(file):
+        if file.suffix not in ROS2_SUFFIXES:
             yield from self.messages(topics, None, None)
             return
         wanted = {one.id: one for one in self.reader.connections if one.topic in topics}
@@ -600,7 +599,7 @@ class BagReader:
         """
         named = {part.path.resolve() for part in self._parts}
         return [
-            f"{folder}: its {_METADATA} does not name {listed_files(rest)}, left out here;"
+            f"{folder}: its {METADATA} does not name {listed_files(rest)}, left out here;"
             " `ros2 bag reindex` makes one that does, or give the files themselves"
             for folder in self._paths
             if folder.is_dir() and (rest := _not_among(folder, named))

@@ -17,8 +17,11 @@ from typing import Any, Final, NamedTuple
 import yaml
 
 from are_ros.bag.decoded import Scene, value_of
+from are_ros.bag.file_order import ROS2_SUFFIXES
 from are_ros.bag.marker_decoding import decode_markers
 from are_ros.bag.reader import (
+    METADATA,
+    RECORDING,
     STAMP_AT,
     BagMessage,
     BagReader,
@@ -51,11 +54,8 @@ _DRAWN: Final = (MARKERS, *GRID_TOPICS)
 _NODE: Final = PREFIX.strip("/")
 _PARAMETER_EVENTS: Final = "/parameter_events"
 
-RECORDING: Final = "augmented.mcap"
 PARAMETERS: Final = "effective.yaml"
 _METRICS: Final = "metrics.json"
-_METADATA: Final = "metadata.yaml"
-_SUFFIXES: Final = (".mcap", ".db3")
 
 _OWN_TYPES: Final = "are_"
 _MARKER_ARRAY: Final = "visualization_msgs/msg/MarkerArray"
@@ -118,7 +118,7 @@ def find_recording(path: Path) -> RecordingFiles:
             f"{path}: a recording of ROS 1 holds inputs only, and what the node or a replay gave "
             "out is needed: run `are replay` on it first, and give the folder of the results"
         )
-    if path.suffix not in _SUFFIXES:
+    if path.suffix not in ROS2_SUFFIXES:
         raise BagError(f"{path}: it is no recording of ROS 2, whose files end in .mcap or .db3")
     is_replay = path.name == RECORDING and (path.parent / _METRICS).is_file()
     # an effective.yaml beside augmented.mcap is that run's
@@ -139,10 +139,10 @@ def walls_of(recording: Path) -> str:
 def _in_folder(folder: Path) -> RecordingFiles:
     if (folder / RECORDING).is_file():
         return find_recording(folder / RECORDING)
-    if (folder / _METADATA).is_file():
+    if (folder / METADATA).is_file():
         files = _files_of(folder)
         return RecordingFiles(folder, files, _parameters_in(folder), is_replay=False)
-    inside = sorted(file for file in folder.iterdir() if file.suffix in _SUFFIXES)
+    inside = sorted(file for file in folder.iterdir() if file.suffix in ROS2_SUFFIXES)
     if not inside:
         raise BagError(f"{folder}: there is no {RECORDING} in it, nor another recording")
     if len(inside) > 1:
@@ -154,15 +154,15 @@ def _in_folder(folder: Path) -> RecordingFiles:
 def _files_of(folder: Path) -> tuple[Path, ...]:
     """Return the files that the metadata of a rosbag2 folder name, in their order."""
     try:
-        content = yaml.safe_load((folder / _METADATA).read_text(encoding="utf-8"))
+        content = yaml.safe_load((folder / METADATA).read_text(encoding="utf-8"))
         names = content["rosbag2_bagfile_information"]["relative_file_paths"]
         files = tuple(folder / str(name) for name in names)
     except (OSError, yaml.YAMLError, KeyError, TypeError, UnicodeDecodeError) as cause:
-        message = f"{folder}: its {_METADATA} is malformed"
+        message = f"{folder}: its {METADATA} is malformed"
         raise BagError(message) from cause
     missing = [file.name for file in files if not file.is_file()]
     if missing or not files:
-        raise BagError(f"{folder}: files that its {_METADATA} names are missing")
+        raise BagError(f"{folder}: files that its {METADATA} names are missing")
     return files
 
 

@@ -13,6 +13,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from are_ros.bag.decoded import ARRIVED, BLOCKED, Event, Scene
+from are_ros.bag.file_order import ROS2_SUFFIXES
 from are_ros.bag.recording import Recording, find_recording
 from are_ros.errors import BagError, InputError
 from are_ros.population.artefact import Origin
@@ -23,7 +24,6 @@ from are_ros.replay.progress import OpenProgress
 from are_ros.wording import counted
 
 _TABLES: Final = (".csv", ".txt")
-_RECORDINGS: Final = (".mcap", ".db3")
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,13 +67,13 @@ def read_observed(path: Path, space: RowSpace, open_progress: OpenProgress) -> O
         return read_list(path, space)
     if path.suffix in _TABLES:
         return read_table(path, space)
-    known = ", ".join((*_TABLES, ".json", *_RECORDINGS))
+    known = ", ".join((*_TABLES, ".json", *ROS2_SUFFIXES))
     raise InputError(f"{path}: observed rows are read from {known} files and recordings' folders")
 
 
 def is_recording(path: Path) -> bool:
     """Tell whether a path means a recording of ROS 2, by its name."""
-    return path.is_dir() or path.suffix in _RECORDINGS
+    return path.is_dir() or path.suffix in ROS2_SUFFIXES
 
 
 _ROW: Final = "row"

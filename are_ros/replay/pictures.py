@@ -4,7 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from are_ros.bag.recording import PREFIX, RECORDING
+from are_ros.bag.reader import RECORDING
+from are_ros.bag.recording import PREFIX
 from are_ros.builder.assembly import catalogue_of, robot_footprint
 from are_ros.builder.tick import Demand
 from are_ros.builder.warm_up import WarmUpNeeds, warm_up
