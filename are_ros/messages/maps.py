@@ -66,23 +66,14 @@ def encode_grid_update(update: GridUpdate) -> bytes:
 Points = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 
 
-def read_points(message: Any, source: str = "points") -> Points:
-    """Return the points (N, 3) of a PointCloud2 in its own frame [m], NaN where it has NaN.
-
-    N is height * width, row by row. float32, or float64 if any of x, y, z is. The array is new.
-    InputError as `PointCloud.checked`.
-    """
-    return read_cloud(message, source).points_m()
-
-
 def read_voxels(message: Any, source: str = "octomap") -> tuple[Points, float | None]:
     """Return the centres (N, 3) [m] of occupied voxels in the message's frame, and their size [m].
 
-    Of an octree of octomap_server, binary or full, or of a PointCloud2 (`read_points`), which has
-    no size: None. InputError where the message is malformed.
+    Of an octree of octomap_server, binary or full, or of a PointCloud2, which has no size: None.
+    InputError where the message is malformed.
     """
     if not hasattr(message, "binary"):
-        return read_points(message, source), None
+        return read_cloud(message, source).points_m(), None
     resolution_m = float(message.resolution)
     if not 0.0 < resolution_m < np.inf:
         raise InputError(f"{source}: the octomap's resolution is {resolution_m}")

@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from are_ros.errors import InputError
-from are_ros.messages.maps import read_points
 from are_ros.messages.sensors import encode_cloud, read_cloud
 from bags.simulation.making import RosbagsFactory, make_cloud
 
@@ -117,7 +116,7 @@ def test_every_layout_gives_the_points(
         is_bigendian=is_bigendian,
         row_padding=row_padding,
     )
-    read = read_points(message)
+    read = read_cloud(message).points_m()
     np.testing.assert_array_equal(read, points.reshape(-1, 3))
     wide = any(kind == 8 for name, kind in zip(order, kinds, strict=True) if name in "xyz")
     assert read.dtype == (np.float64 if wide else np.float32)
@@ -127,7 +126,7 @@ def test_a_cloud_comes_back(over_the_wire: Callable[[Any], Any]) -> None:
     """Points written by us are read again, NaN among them."""
     points = np.array([[1.0, 2.0, 3.0], [np.nan, 0.0, -1.0]], dtype=np.float32)
     message = over_the_wire(make_cloud(FACTORY, "map", 5, points))
-    np.testing.assert_array_equal(read_points(message), points)
+    np.testing.assert_array_equal(read_cloud(message).points_m(), points)
     assert (message.header.frame_id, message.is_dense, message.width) == ("map", False, 2)
 
 
@@ -145,7 +144,7 @@ def test_a_malformed_cloud_is_refused(field: str, value: object, sentence: str) 
     message = packed_cloud(np.zeros((2, 3, 3)))
     setattr(message, field, value)
     with pytest.raises(InputError) as caught:
-        read_points(message, "/points")
+        read_cloud(message, "/points").points_m()
     assert str(caught.value) == f"/points: {sentence}"
 
 
@@ -154,7 +153,7 @@ def test_integers_are_no_coordinates() -> None:
     message = packed_cloud(np.zeros((1, 1, 3)))
     message.fields[1].datatype = 5
     with pytest.raises(InputError, match="fields have no y of one float32"):
-        read_points(message)
+        read_cloud(message).points_m()
 
 
 def test_a_coordinate_that_is_there_twice_is_refused() -> None:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from are_ros.messages.maps import read_points
+from are_ros.messages.sensors import read_cloud
 from bags.simulation.making import make_time
 from tests.ros import NOT_SET_UP
 
@@ -279,7 +279,7 @@ def test_a_point_cloud_meets_what_is_before_it(make_bench: MakeBench) -> None:
     bench.send("points", message)
     bench.tick(1000.2)
     bench.until(lambda: clouds)
-    points_m = read_points(clouds[-1])
+    points_m = read_cloud(clouds[-1]).points_m()
     np.testing.assert_allclose(points_m, [(1.3, 0.0, 0.0), (0.0, 1.5, 0.0)], atol=0.01)
 
 

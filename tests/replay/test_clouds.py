@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from are_ros.bag.reader import BagReader
-from are_ros.messages.maps import read_points
+from are_ros.messages.sensors import read_cloud
 from bags.simulation.making import RosbagsFactory, make_cloud
 from tests.replay.conftest import MANY, Records, RunAre, WriteBag
 
@@ -87,7 +87,7 @@ def test_a_ring_is_the_scan(replay: Path) -> None:
     moved = 0
     assert len(after) > 20
     for stamp, cloud in after.items():
-        points_m, was_m = read_points(cloud), read_points(before[stamp])
+        points_m, was_m = read_cloud(cloud).points_m(), read_cloud(before[stamp]).points_m()
         scan = scans[stamp]
         level = np.isfinite(points_m).all(axis=1) & (np.abs(points_m[:, 2]) < 1e-4)
         level[len(was_m) :] = False

@@ -10,7 +10,8 @@ from are_ros.bag.reader import BagReader
 from are_ros.builder.files.catalogue_file import read_catalogue
 from are_ros.builder.files.scenario_file import read_scenario
 from are_ros.builder.real_world import RealWorld
-from are_ros.messages.maps import read_grid, read_points
+from are_ros.messages.maps import read_grid
+from are_ros.messages.sensors import read_cloud
 from are_ros.parameters.model import Parameters
 from are_ros.population.artefact import GroundPose, boxes_of
 from are_ros.population.scenario import Scenario, ScriptedArtefact
@@ -38,7 +39,7 @@ def office() -> Environment:
             if message.topic == "/map":
                 world.set_grid(read_grid(content))
             else:
-                world.set_cloud(read_points(content), None, "map")
+                world.set_cloud(read_cloud(content).points_m(), None, "map")
     world.retry_cloud()
     assert world.environment is not None
     return world.environment

@@ -15,7 +15,7 @@ import yaml
 
 from are_ros.bag.reader import BagReader
 from are_ros.conventions import NS_PER_S
-from are_ros.messages.maps import read_points
+from are_ros.messages.sensors import read_cloud
 from are_ros.messages.transforms import read_transforms
 from are_ros.replay.recorded_scene import read_recorded_scene
 from are_ros.world.transforms.tree import FrameTree
@@ -436,7 +436,7 @@ def test_an_octomap_of_a_file_is_used_coarser_and_kept_beside_the_outputs(
     assert "the cloud's voxels of 0.05 m become 400 of 0.1 m" in done.stderr
     with BagReader([out / "augmented.mcap"]) as reader:
         (message,) = reader.messages(["/octomap_point_cloud_centers"])
-        points_m = read_points(reader.deserialize(message))
+        points_m = read_cloud(reader.deserialize(message)).points_m()
     assert sorted(map(tuple, np.floor(points_m / 0.05).astype(int).tolist())) == sorted(
         map(tuple, wall.tolist())
     )

@@ -12,8 +12,8 @@ from are_ros.bag.reader import BagReader
 from are_ros.bag.types import jazzy_typestore
 from are_ros.builder.sensors.point_cloud import PointCloud
 from are_ros.messages.common import read_header
-from are_ros.messages.maps import read_points, read_voxels
-from are_ros.messages.sensors import encode_cloud
+from are_ros.messages.maps import read_voxels
+from are_ros.messages.sensors import encode_cloud, read_cloud
 from bags.simulation.making import RosbagsFactory
 from tests.replay.conftest import MANY, Records, RunAre, WriteBag
 
@@ -99,7 +99,7 @@ def test_an_octree_in_a_recording_gives_what_its_centres_do(
             octrees.append((topic, at_ns, message))
             centres.append((topic, at_ns, message))
             continue
-        voxels = np.floor(read_points(message) / SIZE_M).astype(np.int64)
+        voxels = np.floor(read_cloud(message).points_m() / SIZE_M).astype(np.int64)
         data = octomap(voxels, is_full=is_full).partition(b"\ndata\n")[2]
         octree = factory.make(
             "octomap_msgs/msg/Octomap",

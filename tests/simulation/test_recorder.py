@@ -10,8 +10,8 @@ import pytest
 from are_ros.conventions import NS_PER_S
 from are_ros.messages.common import read_time
 from are_ros.messages.images.image import read_camera_info
-from are_ros.messages.maps import read_grid, read_points
-from are_ros.messages.sensors import read_scan
+from are_ros.messages.maps import read_grid
+from are_ros.messages.sensors import read_cloud, read_scan
 from are_ros.messages.transforms import read_odometry_numbers, read_transforms
 from are_ros.world.transforms.tree import FrameTree
 from bags.simulation.building import Building
@@ -119,7 +119,7 @@ def test_the_messages_hold_the_building_and_the_sensors(recording: Sink, office:
     (_, grid), (_, cloud) = recording.of("/map")[0], recording.of("/octomap_point_cloud_centers")[0]
     assert np.array_equal(read_grid(grid).cells, office.grid().cells)
     assert cloud.header.frame_id == MAP_FRAME
-    assert len(read_points(cloud)) > 20_000
+    assert len(read_cloud(cloud).points_m()) > 20_000
     scan = read_scan(recording.of("/scan")[0][1])
     assert (len(scan.ranges), scan.frame_id) == (360, SCAN_FRAME)
     info = recording.of("/camera/camera_info")[0][1]

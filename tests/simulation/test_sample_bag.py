@@ -9,8 +9,8 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from are_ros.bag.reader import BagMessage, BagReader
-from are_ros.messages.maps import read_grid, read_points
-from are_ros.messages.sensors import read_scan
+from are_ros.messages.maps import read_grid
+from are_ros.messages.sensors import read_cloud, read_scan
 from are_ros.replay.survey.inspection import inspect_bag
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -89,5 +89,5 @@ def test_other_tools_open_it() -> None:
         }
     assert found.keys() == {"/map", "/octomap_point_cloud_centers", "/tf_static"}
     assert read_grid(found["/map"]).cells.shape == (240, 340)
-    assert len(read_points(found["/octomap_point_cloud_centers"])) > 20_000
+    assert len(read_cloud(found["/octomap_point_cloud_centers"]).points_m()) > 20_000
     assert len(found["/tf_static"].transforms) == 4
