@@ -23,7 +23,7 @@ import numpy as np
 PROJECT: Final = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(PROJECT))  # the browser is that of the tests
 
-from are_ros.builder.tick import Demand  # noqa: E402 - found by the line above
+from are_ros.builder.tick import MOTION_ONLY  # noqa: E402 - found by the line above
 from are_ros.conventions import NS_PER_S  # noqa: E402
 from are_ros.draw.scene import Doing, Life, SceneRecord  # noqa: E402
 from are_ros.replay.command import effective_parameters  # noqa: E402
@@ -125,10 +125,9 @@ def say(found: Mapping[str, list[str]]) -> bool:
 
 def find(seed: int) -> None:
     """Try one seed after the other until a run has all scenes."""
-    only_motion = Demand(perception=False, grids=False, markers=False)
     for number in count(seed):
         parameters = effective_parameters([PARAMETERS], [], number)
-        options = ReplayOptions((BAG,), parameters, demand=only_motion)
+        options = ReplayOptions((BAG,), parameters, demand=MOTION_ONLY)
         outcome = run_replay(options, lambda _: None, lambda *_: lambda _: None)
         print(f"seed {number}")
         if say(scenes(outcome.record)):

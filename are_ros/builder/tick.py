@@ -28,6 +28,7 @@ class Demand:
 
 
 USUAL: Final = Demand()
+MOTION_ONLY: Final = Demand(perception=False, grids=False, markers=False)
 
 
 @dataclass(frozen=True, eq=False)

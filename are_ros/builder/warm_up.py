@@ -22,7 +22,7 @@ from are_ros.builder.assembly import collision_resolver
 from are_ros.builder.sensors.image import MINIATURE_PX
 from are_ros.builder.sensors.lens import Lens
 from are_ros.builder.sensors.sensor_path import MakeReading
-from are_ros.builder.tick import Demand
+from are_ros.builder.tick import MOTION_ONLY, Demand
 from are_ros.conventions import FREE, NS_PER_S, OCCUPIED
 from are_ros.errors import PlacementError
 from are_ros.parameters.declaration import with_values
@@ -52,7 +52,6 @@ _FEW_COLLECTIONS = 20_000, 20, 20
 _REHEARSED: Final[set[bytes]] = set()
 """For what the kernels of this process are ready, as kernels themselves are a process's."""
 _EVERYTHING = Demand(octomap=True)
-_NOTHING = Demand(perception=False, grids=False, markers=False)
 _MINIATURE = {
     "population.arrival_rate": 0.5,
     "population.mean_life": 1.0,
@@ -259,7 +258,7 @@ class _Scene:
         rates = (count / 4, count / 2)  # small and large ones, of a catalogue of any length
         self._catalogue, self._needs, self._ask = catalogue, needs, ask
         self._parameters = with_values(Parameters(), {**_MINIATURE, "mixture.rates": rates})
-        self._builder = ArBuilder(self._parameters, catalogue, _NOTHING)
+        self._builder = ArBuilder(self._parameters, catalogue, MOTION_ONLY)
         self._builder.receive_map(_room(), 0)
         self._tick = 0
 

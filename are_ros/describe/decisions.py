@@ -17,7 +17,7 @@ from are_ros.agents.navigation.profile import NavigationProfile
 from are_ros.agents.navigation.terrain import Terrains
 from are_ros.builder.ar_builder import ArBuilder
 from are_ros.builder.spawning.placement import PlacementConstraints, Placer
-from are_ros.builder.tick import Demand
+from are_ros.builder.tick import MOTION_ONLY
 from are_ros.conventions import NS_PER_S
 from are_ros.describe.site import Survey
 from are_ros.errors import CatalogueError, MapError
@@ -48,7 +48,6 @@ _USUAL_PACE: Final = 0.9
 _WALKS: Final = ("walking", "driving")
 _RUNS: Final = "running"
 _ALL_PLANES: Final = 2**62
-_NOTHING_SHOWN: Final = Demand(perception=False, grids=False, markers=False)
 
 _Record = tuple[list[tuple[float, float]], list[str]]
 Floats = npt.NDArray[np.float64]
@@ -282,7 +281,7 @@ def simulate_lives(
     On a small map they come one crowd after the other. `progress` gets the time [ns], which ends
     at `simulated_ns`. MapError if none finds a place.
     """
-    builder = ArBuilder(_alone(parameters), catalogue, _NOTHING_SHOWN)
+    builder = ArBuilder(_alone(parameters), catalogue, MOTION_ONLY)
     builder.receive_map(survey.environment.grid, 0)
     placer, known = Placer(survey.environment, survey.region), dict[int, _Record]()
     size = crowds_of(survey)[1]

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from are_ros.agents.events import ArtefactState, EventKind
 from are_ros.agents.simulate import MotionCounts
 from are_ros.builder.ar_builder import ArBuilder
-from are_ros.builder.tick import Demand, Tick
+from are_ros.builder.tick import MOTION_ONLY, Tick
 from are_ros.checks.oracle.solids import RealMap
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.canvas import Canvas
@@ -122,7 +122,6 @@ def _open_points(environment: Environment, radius_m: float) -> npt.NDArray[np.fl
     return environment.grid.cells_to_points(middle)
 
 
-_NOTHING_SHOWN = Demand(perception=False, grids=False, markers=False)
 _WAY_STEP_S = 0.5
 _LONGEST_EMPTY_S = 60.0
 _SHORTEST_STEP_S = 0.01
@@ -253,7 +252,7 @@ class SoakRun:
         # The robot is a disc, for the artefacts as for the judge.
         soaked = {"builder.tick_rate": 1.0 / self._step_s, "robot.footprint": ""}
         parameters = with_values(parameters, soaked)
-        self.builder = ArBuilder(parameters, catalogue, _NOTHING_SHOWN)
+        self.builder = ArBuilder(parameters, catalogue, MOTION_ONLY)
         self.builder.receive_map(grid, 0)
         environment = self.builder.world.environment
         if environment is None:

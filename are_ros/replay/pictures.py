@@ -7,7 +7,7 @@ from typing import Final
 from are_ros.bag.reader import RECORDING
 from are_ros.bag.recording import PREFIX
 from are_ros.builder.assembly import catalogue_of, robot_footprint
-from are_ros.builder.tick import Demand
+from are_ros.builder.tick import MOTION_ONLY
 from are_ros.builder.warm_up import WarmUpNeeds, warm_up
 from are_ros.describe.decisions import (
     decision_lines,
@@ -37,8 +37,6 @@ from are_ros.world.voxel_map import VoxelMap
 
 POPULATION: Final = "population.png"
 DECISIONS: Final = "decisions.png"
-_NOTHING_SHOWN: Final = Demand(perception=False, grids=False, markers=False)
-_MOTION_ONLY: Final = WarmUpNeeds((), _NOTHING_SHOWN, has_voxels=False)
 WITHOUT_ROBOT: Final = (
     "the robot is not shown: the recording does not tell where it is; "
     "`are replay BAG --with-inputs` writes the inputs, which do, beside the outputs"
@@ -138,8 +136,9 @@ def plot_decisions(
     """
     settings, row = parameters.behaviour, row_named(catalogue, name)
     journey = journey_of(row, settings, survey)
+    needs = WarmUpNeeds((), MOTION_ONLY, has_voxels=False)
     with KernelBar() as kernels:
-        warm_up(catalogue, _MOTION_ONLY, kernels.is_wanted, kernels.count)
+        warm_up(catalogue, needs, kernels.is_wanted, kernels.count)
     with ProgressBar("lives") as bar:
         move = bar.open(0, simulated_ns(survey))
         lives = simulate_lives(row, catalogue, parameters, survey, move)
