@@ -208,11 +208,11 @@ class PublicationTiming:
         self._last: tuple[RealMap, list[Cover]] | None = None
         self._ids: frozenset[int] = frozenset()
 
-    def take(self, tick: AdmittedTick, real: RealMap | None, latest: LatestGrid) -> None:
+    def take(self, tick: AdmittedTick, latest: LatestGrid) -> None:
         """Follow one tick; fail where a grid goes out too early, or a change does not."""
-        if real is None:
+        if tick.real is None:
             return
-        now_ns, real = tick.scene.stamp_ns, drawn_on(self._topic, real)
+        now_ns, real = tick.scene.stamp_ns, drawn_on(self._topic, tick.real)
         self._tally.look()
         is_early = 0 <= now_ns - self._sent_ns < self._interval_ns and tick.ids == self._ids
         if is_early and latest.is_new:
@@ -253,12 +253,12 @@ class LatchedGrid:
         self._wrong_ns: int | None = None
         self._last: tuple[RealMap, RealMap, list[Cover], bool] | None = None
 
-    def take(self, tick: AdmittedTick, real: RealMap | None, latest: LatestGrid) -> None:
+    def take(self, tick: AdmittedTick, latest: LatestGrid) -> None:
         """Fail when the last grid has shown other artefacts than the ticks for too long.
 
         That time begins anew where the real map is not known, as while another one comes.
         """
-        grid = latest.grid
+        grid, real = latest.grid, tick.real
         if grid is None or real is None or not tick.is_sure:
             self._wrong_ns = None
             self._tally.leave_out("tick", "for which it is open what was, or ought to be, shown")
@@ -415,7 +415,7 @@ class _GridChecks:
                     self._judge.judge(topic, tick, tick.real, own[topic])
             if self._is_live or topic in record.topics:
                 is_sent = is_map_sent if topic in UPDATES_OF else topic in own
-                age.take(tick, tick.real, LatestGrid(self._held[topic], topic in own, is_sent))
+                age.take(tick, LatestGrid(self._held[topic], topic in own, is_sent))
         for topic, of_updates in UPDATES_OF.items():
             self._follow_updates(record, tick, topic, updates.get(of_updates), topic in own)
         self._take_others(record, others)

@@ -1329,11 +1329,10 @@ def test_a_lag_before_and_after_another_map_is_not_one_long_lag() -> None:
         tally = Tally("augmented map is current", "tick")
         grid = LatchedGrid(OUT + "augmented_map", tally, Parameters(), judge)
         for at_ns, is_known in known:
-            tick: Any = SimpleNamespace(
-                is_sure=True, covers=[], scene=SimpleNamespace(stamp_ns=START_NS + at_ns)
-            )
-            latest = LatestGrid(real, is_new=False, is_sent=False)
-            grid.take(tick, real if is_known else None, latest)
+            scene = SimpleNamespace(stamp_ns=START_NS + at_ns)
+            known_map = real if is_known else None
+            tick: Any = SimpleNamespace(is_sure=True, covers=[], scene=scene, real=known_map)
+            grid.take(tick, LatestGrid(real, is_new=False, is_sent=False))
         return tally.failures
 
     changes = [(0, True), *((k * 100 * MS, False) for k in range(1, 22)), (2200 * MS, True)]
