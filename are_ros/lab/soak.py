@@ -147,7 +147,6 @@ class SoakResult:
     contacts: int
     blocked: int
     simulated_s: float
-    seed: int
     ways: dict[int, Way]
     robot_way_m: list[tuple[float, float]]
     map_yaw_rad: float
@@ -317,7 +316,6 @@ class SoakRun:
             lives.crowd.contacts.count,
             lives.population.counts.blocked,
             self.now_s,
-            self.builder.parameters.seed,
             self._ways,
             self._robot_way_m,
             self._map_yaw_rad,
