@@ -353,8 +353,7 @@ class StandWatch:
             pose = state.ground_pose
             here_m = (pose.x_m, pose.y_m)
             stand = before.get(state.artefact_id)
-            is_free = state.behaviour == state.activity == "standing"
-            is_free |= state.behaviour == "standing" and not state.activity
+            is_free = state.behaviour == "standing" and state.activity in {"", "standing"}
             if stand is None or is_free or math.dist(stand.place_m, here_m) > _STILL_M:
                 stand = _Stand(here_m, t_s)
             self._stands[state.artefact_id] = stand
