@@ -200,12 +200,9 @@ def appearing_lines(parameters: Parameters) -> list[str]:
 
 def staying_share(probabilities: Numbers, catalogue: Catalogue, site: Site) -> float:
     """Return the probability that an artefact finds a place and is of a row that once leaves."""
-    kept = [row.index for row in catalogue.rows if _counts(row.index, row.forever, site)]
+    rows = (row for row in catalogue.rows if not row.forever)
+    kept = [row.index for row in rows if row.index not in site.misfits]
     return min(float(probabilities[kept].sum()), 1.0)
-
-
-def _counts(index: int, forever: bool, site: Site) -> bool:
-    return not forever and index not in site.misfits
 
 
 def _arrivals_text(settings: PopulationParameters, groups_per_s: float) -> str:
