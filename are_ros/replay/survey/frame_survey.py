@@ -108,27 +108,24 @@ class FrameSurvey:
 
     def root_of(self, frame: str) -> str:
         """Return the frame at the top of the tree that holds `frame`."""
-        return root_above(frame, {child: parent for parent, child, _ in self._in_force()})
+        return root_above(frame, self._parents())
 
     def standing_frame(self, frame: str) -> str:
         """Return the frame of the tree of `frame` to which a map is to be joined.
 
         That is the top, unless the top moves: below it hangs the frame in which odometry moves it.
         """
-        parents = {child: parent for parent, child, _ in self._in_force()}
         told = [(e.parent, e.child) for e in self.edges if e.source.is_odometry]
-        return standing_frame(frame, parents, told)
+        return standing_frame(frame, self._parents(), told)
 
     def is_moved(self, frame: str) -> bool:
         """Return whether tf moves a frame below the top of its tree, be it ever so slowly."""
         moved = {edge.child for edge in _strongest(self.edges) if not edge.is_rigid}
-        parents = {child: parent for parent, child, _ in self._in_force()}
-        return any(above in moved for above in chain_above(frame, parents))
+        return any(above in moved for above in chain_above(frame, self._parents()))
 
     def stands_on(self, frame: str, base: str) -> bool:
         """Return whether static transforms alone join a base to a frame."""
-        edges = self._in_force()
-        parents = {child: parent for parent, child, _ in edges}
+        parents = self._parents()
         static = {edge.child for edge in _strongest(self.edges) if edge.is_static}
         way = set(chain_above(base, parents)) ^ set(chain_above(frame, parents))
         above = {child for child in way if child in parents}
@@ -137,6 +134,10 @@ class FrameSurvey:
     def moving_beside(self, frame: str) -> str:
         """Return the frame that moves in another tree, where nothing above `frame` does; or ""."""
         return moving_beside(frame, self._in_force())
+
+    def _parents(self) -> dict[str, str]:
+        """Return the parents of the edges in force, by child."""
+        return {child: parent for parent, child, _ in self._in_force()}
 
     def _in_force(self) -> list[tuple[str, str, bool]]:
         """Return (parent, child, whether it moves) of the edges that a `FrameTree` keeps.
@@ -323,11 +324,9 @@ def moving_beside(frame: str, edges: Iterable[tuple[str, str, bool]]) -> str:
     joined = connected_to(frame, ((parent, child) for parent, child, _ in edges))
     parents = {child: parent for parent, child, _ in edges}
     moving = {child for _, child, moves in edges if moves}
-    at, above = frame, {frame}
-    while (at := parents.get(at, "")) and at not in above:
-        above.add(at)
     ends = moving - joined - {parents[child] for child in moving}
-    return ends.pop() if len(ends) == 1 and not above & moving else ""
+    is_moved = not moving.isdisjoint(chain_above(frame, parents))
+    return ends.pop() if len(ends) == 1 and not is_moved else ""
 
 
 def static_tf_option(parent: str, child: str, pose: npt.NDArray[np.float64] | None = None) -> str:
