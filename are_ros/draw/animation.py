@@ -381,11 +381,12 @@ class Frames:
         boxes = {actor.number: bounds_of(actor.outline.corners_px) for actor in actors}
         by_number = {actor.number: actor for actor in actors}
         news = [Label(a.number, boxes[a.number], (a.news.text,)) for a in actors if a.news]
-        tags = self._tags.place(news, [*boxes.values()], taken)
+        taken = [*boxes.values(), *taken]
+        tags = self._tags.place(news, taken)
         tagged = {placed.label.key for placed in tags}
         labels = [one for one in _labels_of(actors, boxes) if one.key not in tagged]
-        taken = [*taken, *(_padded(placed.place) for placed in tags)]
-        for placed in self._labels.place(labels, [*boxes.values()], taken):
+        taken += (_padded(placed.place) for placed in tags)
+        for placed in self._labels.place(labels, taken):
             actor = by_number[placed.label.key]
             colour = INK if actor.is_perceived else mixed(INK, 0.62)
             canvas.text(placed.text, placed.place[:2], _LABEL_PX, colour)

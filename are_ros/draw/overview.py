@@ -166,8 +166,7 @@ def _draw_ids(sheet: Sheet, corners_px: dict[int, Floats]) -> int:
         Label(number, bounds_of(corners), (id_text(number),))
         for number, corners in reversed(corners_px.items())
     ]
-    inside, boxes = sheet.view.rectangle, [label.box for label in labels]
-    placed = Labels(inside, _LABEL_PX).place(labels, boxes)
+    placed = Labels(sheet.view.rectangle, _LABEL_PX).place(labels, [one.box for one in labels])
     for one in placed:
         leader_px = _leader_px(one.place, corners_px[one.label.key])
         if math.dist(*leader_px) > _LONGEST_GAP_PX:

@@ -283,18 +283,13 @@ class Labels:
         self._inside, self._size_px = inside, size_px
         self._sides: dict[int, Side] = {}
 
-    def place(
-        self,
-        labels: Sequence[Label],
-        boxes: Sequence[Rectangle],
-        taken: Sequence[Rectangle] = (),
-    ) -> list[Placed]:
+    def place(self, labels: Sequence[Label], taken: Sequence[Rectangle]) -> list[Placed]:
         """Return the labels that find a place; earlier labels choose first.
 
-        A label covers no other label, no other box, and no rectangle of `taken`.
+        A label covers no other label, and no rectangle of `taken` but its own box.
         """
         found: list[Placed] = []
-        hard = np.array([*boxes, *taken], dtype=np.float64).reshape(-1, 4)
+        hard = np.array(taken, dtype=np.float64).reshape(-1, 4)
         for label in labels:
             if placed := self._placed(label, hard[(hard != label.box).any(axis=1)]):
                 found.append(placed)

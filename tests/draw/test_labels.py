@@ -23,7 +23,7 @@ def labelled(
 
 def placed(labels: Labels, *wanted: Label, taken: tuple[Rectangle, ...] = ()) -> list[Placed]:
     """Return what finds a place."""
-    return labels.place(wanted, [label.box for label in wanted], taken)
+    return labels.place(wanted, [*(label.box for label in wanted), *taken])
 
 
 def crowd(count: int, seed: int) -> list[Label]:
