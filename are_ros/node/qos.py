@@ -77,13 +77,13 @@ def input_type(role: str, topic: str) -> str:
 def input_qos(role: str) -> QoSProfile:
     """Return a new profile for the input of a role; KeyError if there is no such role."""
     entry = INPUTS[role]
-    return _profile(entry.is_reliable, entry.is_latched, entry.depth)
+    return profile_of(entry.is_reliable, entry.is_latched, entry.depth)
 
 
 def output_qos(name: str) -> QoSProfile:
     """Return a new profile for an output, by the last part of its topic: always reliable."""
     entry = ALL_OUTPUTS.get(name, _OTHER_OUTPUT)
-    return _profile(True, entry.is_latched, entry.depth)
+    return profile_of(True, entry.is_latched, entry.depth)
 
 
 def subscribe(
@@ -202,7 +202,8 @@ class InputSubscription:
         return _profile(entry.is_reliable or self.is_latched, self.is_latched, entry.depth)
 
 
-def _profile(is_reliable: bool, is_latched: bool, depth: int) -> QoSProfile:
+def profile_of(is_reliable: bool, is_latched: bool, depth: int) -> QoSProfile:
+    """Return a new profile that keeps the last `depth` messages."""
     reliability, durability = ReliabilityPolicy, DurabilityPolicy
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,

@@ -11,7 +11,7 @@ from typing import Any, Final
 from rclpy.duration import Duration
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 
 from are_ros.bag.reader import BagMessage, BagReader, BagTopic
@@ -20,6 +20,7 @@ from are_ros.bag.types import ros2_type
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, NodeError
 from are_ros.node.message_classes import message_class
+from are_ros.node.qos import profile_of
 from are_ros.replay.progress import Say
 from are_ros.wording import listed
 
@@ -182,13 +183,8 @@ def _qos(topic: BagTopic, options: PlayOptions) -> QoSProfile:
     is_reliable = topic.is_reliable or bool(options.lockstep)
     is_last_enough = topic.is_latched and topic.type_name not in _ADDING_TYPES
     is_each_awaited = bool(options.lockstep) and "static" not in topic.name
-    return QoSProfile(
-        depth=1 if is_last_enough or is_each_awaited else _DEPTH,
-        reliability=ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=(
-            DurabilityPolicy.TRANSIENT_LOCAL if topic.is_latched else DurabilityPolicy.VOLATILE
-        ),
-    )
+    depth = 1 if is_last_enough or is_each_awaited else _DEPTH
+    return profile_of(is_reliable, topic.is_latched, depth)
 
 
 # /clock: the time of the recording while it is played.

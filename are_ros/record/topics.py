@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Final
 
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 
 from are_ros.bag.roles import slashed
 from are_ros.bag.types import InstalledTypes
 from are_ros.bag.writer import OfferedQos, partial_path
 from are_ros.errors import BagError, InputError, NodeError
 from are_ros.node.message_classes import message_class
+from are_ros.node.qos import profile_of
 from are_ros.record.file import CLOCK_TOPIC, CLOCK_TYPE, FileWriter
 from are_ros.record.inbox import Inbox
 from are_ros.replay.progress import Say
@@ -129,11 +130,7 @@ def matching(offered: Sequence[OfferedQos], type_name: str) -> QoSProfile:
     """
     is_reliable = all(profile.reliability == "reliable" for profile in offered)
     is_latched = all(profile.durability == "transient_local" for profile in offered)
-    return QoSProfile(
-        depth=_BULKY_DEPTH if type_name in _BULKY else _DEPTH,
-        reliability=ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE,
-    )
+    return profile_of(is_reliable, is_latched, _BULKY_DEPTH if type_name in _BULKY else _DEPTH)
 
 
 # The published topics, and their changes.
