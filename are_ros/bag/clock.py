@@ -68,7 +68,7 @@ _NONE = np.empty(0, np.int64)
 _FEWEST_STAMPS = 5
 """A source with fewer stamps is used for the clock only if there is no better one."""
 
-_CLOCK = "/clock"
+CLOCK_TOPIC = "/clock"
 _CLOCK_SAMPLES = 50
 _CLOCK_AGREES_NS = NS_PER_S // 5
 
@@ -251,12 +251,12 @@ def _telling(found: Sequence[Times]) -> list[Times]:
 
 def _clock(reader: BagReader, start_ns: int, stop_ns: int) -> list[Times]:
     """Return the times of /clock where it was recorded and differs from the log."""
-    if not any(topic.name == _CLOCK and topic.count for topic in reader.topics):
+    if not any(topic.name == CLOCK_TOPIC and topic.count for topic in reader.topics):
         return []
     at = 0 if reader.is_ros1 else STAMP_AT
 
     def instants() -> Iterable[tuple[int, int]]:
-        for message in reader.messages((_CLOCK,), start_ns, stop_ns):
+        for message in reader.messages((CLOCK_TOPIC,), start_ns, stop_ns):
             stamp_ns = stamp_in(message.data, at, is_ros1=reader.is_ros1)
             yield message.log_time_ns, stamp_ns or 0
 
@@ -264,7 +264,7 @@ def _clock(reader: BagReader, start_ns: int, stop_ns: int) -> list[Times]:
     if not first or abs(float(np.median(first))) < _CLOCK_AGREES_NS:
         return []
     log_ns, stamps_ns = np.array(list(instants()), dtype=np.int64).T
-    return [Times(_CLOCK, log_ns, stamps_ns)]
+    return [Times(CLOCK_TOPIC, log_ns, stamps_ns)]
 
 
 def _odometry_edge(reader: BagReader, topic: str, known: Iterable[Edge]) -> Edge | None:
@@ -371,7 +371,7 @@ def _reference(sources: Sequence[Times]) -> Times | None:
     """Return the source whose clock most others share, the first of several; /clock if there."""
     if not sources:
         return None
-    if sources[0].name == _CLOCK:
+    if sources[0].name == CLOCK_TOPIC:
         return sources[0]
     offsets = np.array([np.median(one.stamps_ns - one.log_ns) for one in sources])
     company = np.abs(offsets[:, np.newaxis] - offsets) <= _TOPIC_APART_NS

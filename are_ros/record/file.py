@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from queue import Empty, SimpleQueue
 from typing import Final
 
+from are_ros.bag.clock import CLOCK_TOPIC
 from are_ros.bag.writer import BagWriter, OfferedQos
 from are_ros.conventions import NS_PER_S
 from are_ros.record.inbox import Stamped
@@ -127,7 +128,6 @@ class FileWriter:
 # Log times: by the wall clock, or by the simulated time of /clock.
 
 
-CLOCK_TOPIC: Final = "/clock"
 CLOCK_TYPE: Final = "rosgraph_msgs/msg/Clock"
 
 _MOST_WAITING_BYTES = 256 * 1024 * 1024

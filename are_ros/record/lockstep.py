@@ -9,11 +9,12 @@ from rclpy.duration import Duration
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
+from are_ros.bag.clock import CLOCK_TOPIC
 from are_ros.bag.reader import BagMessage
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import NodeError
 from are_ros.node.message_classes import service_class
-from are_ros.record.publishers import CLOCK, LARGE_BYTES, ClockPublisher, PlayedTopics
+from are_ros.record.publishers import LARGE_BYTES, ClockPublisher, PlayedTopics
 
 ShouldStop = Callable[[], bool]
 
@@ -79,7 +80,7 @@ class LockstepPeer:
         """Return whether the node subscribes to /clock."""
         space, _, name = self.name.rpartition("/")
         wanted = (name, space or "/")
-        infos = self._node.get_subscriptions_info_by_topic(CLOCK)
+        infos = self._node.get_subscriptions_info_by_topic(CLOCK_TOPIC)
         return any((info.node_name, info.node_namespace) == wanted for info in infos)
 
     def ask(self) -> None:

@@ -14,6 +14,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 
+from are_ros.bag.clock import CLOCK_TOPIC
 from are_ros.bag.reader import BagMessage, BagReader, BagTopic
 from are_ros.bag.roles import TF_TYPES, slashed
 from are_ros.bag.types import ros2_type
@@ -78,7 +79,6 @@ class PlayOptions:
         return slashed(remaps.get(slashed(topic), topic))
 
 
-CLOCK: Final = "/clock"
 LARGE_BYTES: Final = 60_000
 """More does not fit into one packet, and packets may be lost on the way and be sent again."""
 _DEPTH: Final = 100
@@ -164,7 +164,7 @@ class PlayedTopics:
         """Return a new publisher; NodeError, with the reason, where there can be none."""
         type_name = ros2_type(topic.type_name)
         target = options.target(topic.name)
-        if CLOCK in (topic.name, slashed(target)) and options.clock_hz:
+        if CLOCK_TOPIC in (topic.name, slashed(target)) and options.clock_hz:
             raise NodeError("the player tells the time itself")
         if topic.name in self._topics:
             played = ros2_type(self._topics[topic.name].type_name)
@@ -195,8 +195,9 @@ class ClockPublisher:
 
     def __init__(self, node: Node, clock_hz: float) -> None:
         self._period_ns = round(NS_PER_S / clock_hz) if clock_hz else 0
-        qos = QoSProfile(depth=10)
-        self.publishers = {CLOCK: node.create_publisher(Clock, CLOCK, qos)} if clock_hz else {}
+        self.publishers: dict[str, Any] = {}
+        if clock_hz:
+            self.publishers[CLOCK_TOPIC] = node.create_publisher(Clock, CLOCK_TOPIC, 10)
 
     def times_after(self, start_ns: int, end_ns: int) -> Iterator[int]:
         """Yield the multiples of the period after the start, and last the end."""
@@ -305,7 +306,7 @@ def _is_listening(node: Node, name: str, publishers: Mapping[str, Any]) -> bool:
     return any(
         (info.node_name, info.node_namespace) == (short, f"/{space}")
         for topic in publishers
-        if topic != "/clock"
+        if topic != CLOCK_TOPIC
         for info in node.get_subscriptions_info_by_topic(topic)
     )
 

@@ -10,13 +10,14 @@ from typing import Final
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
+from are_ros.bag.clock import CLOCK_TOPIC
 from are_ros.bag.roles import slashed
 from are_ros.bag.types import InstalledTypes
 from are_ros.bag.writer import OfferedQos, partial_path
 from are_ros.errors import BagError, InputError, NodeError
 from are_ros.node.message_classes import message_class
 from are_ros.node.qos import profile_of
-from are_ros.record.file import CLOCK_TOPIC, CLOCK_TYPE, FileWriter
+from are_ros.record.file import CLOCK_TYPE, FileWriter
 from are_ros.record.inbox import Inbox
 from are_ros.replay.progress import Say
 from are_ros.wording import why_refused

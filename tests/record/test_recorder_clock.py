@@ -5,8 +5,9 @@ from collections.abc import Iterable
 
 import pytest
 
+from are_ros.bag.clock import CLOCK_TOPIC
 from are_ros.record import file as log_clock
-from are_ros.record.file import CLOCK_TOPIC, SimulatedClock, WallClock
+from are_ros.record.file import SimulatedClock, WallClock
 from are_ros.record.inbox import Stamped
 
 
