@@ -222,8 +222,7 @@ def check_boxes(record: Record) -> CheckResult:
 
 def _roi(one: Any) -> tuple[int, ...]:
     roi = one.roi
-    return (*(int(v) for v in (roi.x_offset, roi.y_offset, roi.width, roi.height)),
-            int(one.visible_pixels))  # fmt: skip
+    return roi.x_offset, roi.y_offset, roi.width, roi.height, one.visible_pixels
 
 
 def _check_detections(tally: Tally, where: str, boxes: Any, told: dict[int, Any]) -> None:
