@@ -133,14 +133,7 @@ class Frames:
         """Take a static transform of the parameters, "X Y Z YAW PITCH ROLL PARENT CHILD"."""
         *numbers, parent, child = text.split()
         x, y, z, yaw, pitch, roll = map(float, numbers)
-        half = 0.5 * np.array((yaw, pitch, roll))
-        (cy, cp, cr), (sy, sp, sr) = np.cos(half).tolist(), np.sin(half).tolist()
-        turn = (
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-            cr * cp * cy + sr * sp * sy,
-        )
+        turn = Rotation.from_euler("ZYX", (yaw, pitch, roll)).as_quat().tolist()
         self.add(parent, child, 0, 0, (x, y, z, *turn), PARAMETER, is_static=True)
 
     def _moved_by(
@@ -169,10 +162,7 @@ class Frames:
             return False
         if child in self._edges:
             return True
-        others = {of: edge for of, edge in self._edges[parent].items() if edge.parent != child}
-        self._edges[parent] = others
-        if not others:
-            del self._edges[parent]
+        self._forget_turned(parent, child)
         self.add(parent, child, 0, 0, _turned(given.numbers[-1]), PARAMETER, is_static=True)
         return False
 
@@ -203,7 +193,7 @@ class Frames:
             self._edges[child] = kept
 
     def _forget_turned(self, parent: str, child: str) -> None:
-        """Forget the weaker edges of a pair that hang its parent below its child."""
+        """Forget the edges of a pair that hang its parent below its child."""
         kept = {of: edge for of, edge in self._edges.pop(parent).items() if edge.parent != child}
         if kept:
             self._edges[parent] = kept
