@@ -1,6 +1,5 @@
 """The file of a recording, written by its own thread, so that a slow disk delays nothing."""
 
-import struct
 import threading
 import time
 from collections import Counter
@@ -10,6 +9,7 @@ from queue import Empty, SimpleQueue
 from typing import Final
 
 from are_ros.bag.clock import CLOCK_TOPIC
+from are_ros.bag.reader import stamp_in
 from are_ros.bag.writer import BagWriter, OfferedQos
 from are_ros.conventions import NS_PER_S
 from are_ros.record.inbox import Stamped
@@ -180,8 +180,8 @@ class SimulatedClock(WallClock):
     def stamp(self, messages: Sequence[Stamped]) -> Iterator[Stamped]:
         """Yield the messages from the first /clock on; those before it just then."""
         for message in messages:
-            if message.topic == CLOCK_TOPIC:
-                self._move(_clock_of(message.data))
+            if message.topic == CLOCK_TOPIC and (clock_ns := stamp_in(message.data)) is not None:
+                self._move(clock_ns)
             if self._now_ns is None:
                 self._wait(message)
                 continue
@@ -224,10 +224,3 @@ class SimulatedClock(WallClock):
 def _at(log_time_ns: int, message: Stamped) -> Stamped:
     """Stamp with simulated time; the wall clock's time of sending would be of another kind."""
     return message._replace(log_time_ns=log_time_ns, publish_time_ns=log_time_ns)
-
-
-def _clock_of(data: bytes) -> int:
-    """Return the time [ns] in a serialised rosgraph_msgs/Clock."""
-    is_little = data[1] & 1
-    seconds, nanoseconds = struct.unpack_from("<iI" if is_little else ">iI", data, 4)
-    return int(seconds) * NS_PER_S + int(nanoseconds)
