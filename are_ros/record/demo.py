@@ -28,7 +28,7 @@ from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import write_ros_parameters
 from are_ros.record.lockstep import ShouldStop
 from are_ros.record.player import PlayOutcome, play
-from are_ros.record.publishers import PlayOptions
+from are_ros.record.publishers import PlayOptions, is_listening
 from are_ros.record.recorder import NODE_NAME
 from are_ros.replay.output_folder import AUGMENTED, earlier_results
 from are_ros.replay.progress import OpenProgress, Say
@@ -219,10 +219,7 @@ def _await_active(
 def _is_recorded(node: Node) -> bool:
     """Return whether the recorder subscribes to all outputs of the node."""
     return all(
-        any(
-            info.node_name == NODE_NAME
-            for info in node.get_subscriptions_info_by_topic(f"{NODE}/{name}")
-        )
+        is_listening(node, _RECORDER, [f"{NODE}/{name}"])
         for name in OUTPUTS
         if node.count_publishers(f"{NODE}/{name}")
     )

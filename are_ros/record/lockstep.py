@@ -14,7 +14,7 @@ from are_ros.bag.reader import BagMessage
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import NodeError
 from are_ros.node.message_classes import service_class
-from are_ros.record.publishers import LARGE_BYTES, ClockPublisher, PlayedTopics
+from are_ros.record.publishers import LARGE_BYTES, ClockPublisher, PlayedTopics, is_listening
 
 ShouldStop = Callable[[], bool]
 
@@ -78,10 +78,7 @@ class LockstepPeer:
 
     def follows_clock(self) -> bool:
         """Return whether the node subscribes to /clock."""
-        space, _, name = self.name.rpartition("/")
-        wanted = (name, space or "/")
-        infos = self._node.get_subscriptions_info_by_topic(CLOCK_TOPIC)
-        return any((info.node_name, info.node_namespace) == wanted for info in infos)
+        return is_listening(self._node, self.name, [CLOCK_TOPIC])
 
     def ask(self) -> None:
         """Send the requests; the node answers when it has taken all earlier messages."""

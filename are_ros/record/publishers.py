@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -244,7 +244,7 @@ def await_subscribers(
     """
     began_s, report_after_s = time.monotonic(), _SILENT_S
     for name in options.wait_for:
-        while not _is_listening(node, name, publishers):
+        while not is_listening(node, name, publishers.keys() - {CLOCK_TOPIC}):
             passed_s = time.monotonic() - began_s
             if passed_s > options.wait_s:
                 message = f"{name} is waited for, but it listened to nothing within"
@@ -300,13 +300,12 @@ def _await_connections(
     return True
 
 
-def _is_listening(node: Node, name: str, publishers: Mapping[str, Any]) -> bool:
+def is_listening(node: Node, name: str, topics: Iterable[str]) -> bool:
     """Return whether a node subscribes to one of the topics."""
     space, _, short = name.strip("/").rpartition("/")
     return any(
         (info.node_name, info.node_namespace) == (short, f"/{space}")
-        for topic in publishers
-        if topic != CLOCK_TOPIC
+        for topic in topics
         for info in node.get_subscriptions_info_by_topic(topic)
     )
 
