@@ -237,14 +237,7 @@ def _draw_field(
     of_cells = np.repeat(np.repeat(shares, side, axis=0), side, axis=1)[:height, :width]
     image = _colours()(np.nan_to_num(of_cells))
     image[..., 3] = np.isfinite(of_cells) & (grid.cells == 0)
-    matrix = grid.origin.matrix()
-    flat = np.array(
-        [
-            [matrix[0, 0], matrix[0, 1], matrix[0, 3]],
-            [matrix[1, 0], matrix[1, 1], matrix[1, 3]],
-            [0.0, 0.0, 1.0],
-        ]
-    )
+    flat = grid.origin.matrix()[np.ix_((0, 1, 3), (0, 1, 3))]
     extent = (0.0, width * grid.resolution_m, 0.0, height * grid.resolution_m)
     limits_now = axes.get_xlim(), axes.get_ylim()
     place = Affine2D(flat) + axes.transData
