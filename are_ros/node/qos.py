@@ -199,7 +199,7 @@ class InputSubscription:
 
     def _profile(self) -> QoSProfile:
         entry = INPUTS[self._role]
-        return _profile(entry.is_reliable or self.is_latched, self.is_latched, entry.depth)
+        return profile_of(entry.is_reliable or self.is_latched, self.is_latched, entry.depth)
 
 
 def profile_of(is_reliable: bool, is_latched: bool, depth: int) -> QoSProfile:
