@@ -10,7 +10,7 @@ import numpy.typing as npt
 from are_ros.builder.assembly import robot_footprint
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.spawning.placement import Placer
-from are_ros.builder.spawning.spawner import check_ways_in
+from are_ros.builder.spawning.spawner import check_zones
 from are_ros.parameters.choices import Region
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue
@@ -89,7 +89,7 @@ def _survey(environment: Environment, parameters: Parameters) -> Survey:
     settings = parameters.population
     radius_m = robot_footprint(parameters.robot).inscribed_radius_m
     zones = read_zones_file(Path(settings.zones)) if settings.zones else Zones()
-    check_ways_in(parameters, zones)
+    check_zones(parameters, zones)
     finder = region_finder(
         settings.region,
         environment.grid,

@@ -58,6 +58,13 @@ class Zones:
         """The exits; where none is marked, the entrances."""
         return self.exits or self.entrances
 
+    def allowed(self, free: npt.NDArray[np.bool_], grid: OccupancyGrid) -> npt.NDArray[np.bool_]:
+        """Return the free cells, bool (height, width), that no polygon of `no_spawn` holds."""
+        allowed: npt.NDArray[np.bool_] = free.copy()
+        for polygon_m in self.no_spawn:
+            allowed[polygon_mask(polygon_m, grid)] = False
+        return allowed
+
 
 def read_zones_file(path: Path) -> Zones:
     """Read `zones: [{name, polygon: [[x, y], ...], weight}]` and `no_spawn: [[[x, y], ...]]`.
@@ -75,14 +82,6 @@ def read_zones_file(path: Path) -> Zones:
     no_spawn = enumerate(_entries(document, "no_spawn"))
     polygons_m = tuple(_polygon(document, f"no_spawn[{k}]", corners) for k, corners in no_spawn)
     return Zones(zones, polygons_m, entrances, exits)
-
-
-def zone_weights(zones: Sequence[Zone], grid: OccupancyGrid) -> npt.NDArray[np.float32]:
-    """Return float32 (height, width): the sum of the weights of the zones over each cell."""
-    weights = np.zeros((grid.height, grid.width), np.float32)
-    for zone in zones:
-        weights[polygon_mask(zone.polygon_m, grid)] += zone.weight
-    return weights
 
 
 def polygon_mask(polygon_m: npt.NDArray[np.float64], grid: OccupancyGrid) -> npt.NDArray[np.bool_]:
@@ -276,14 +275,9 @@ def region_finder(
     zones: Zones | None = None,
     last_point_m: tuple[float, float] | None = None,
 ) -> RegionFinder:
-    """Return the finder of `kind` for one map; no-spawn polygons act on every kind.
-
-    Raises `ParameterError` if the kind is zones and no zone is given.
-    """
+    """Return the finder of `kind` for one map; no-spawn polygons act on every kind."""
     zones = zones or Zones()
-    allowed = free.copy()
-    for polygon_m in zones.no_spawn:
-        allowed[polygon_mask(polygon_m, grid)] = False
+    allowed = zones.allowed(free, grid)
     if kind is Region.REACHABLE:
         return ReachableRegion(
             grid,
@@ -295,23 +289,21 @@ def region_finder(
         )
     if kind is Region.FREE:
         return RegionFinder(_region_of(allowed, grid))
-    return _zones_finder(zones, allowed, grid)
-
-
-def _zones_finder(zones: Zones, allowed: _Mask, grid: OccupancyGrid) -> RegionFinder:
-    if not zones.zones:
-        raise ParameterError(
-            "population.region is zones, but population.zones names no file that lists any zone"
-        )
-    weight = zone_weights(zones.zones, grid)
-    weight[~allowed] = 0.0
-    area_m2 = float(weight.sum(dtype=np.float64)) * grid.cell_area_m2
     idle = [
         zone.name
         for zone in zones.zones
         if not (polygon_mask(zone.polygon_m, grid) & allowed).any()
     ]
-    return RegionFinder(SpawnRegion(weight > 0.0, weight, area_m2), idle)
+    return RegionFinder(region_of_zones(zones.zones, allowed, grid), idle)
+
+
+def region_of_zones(zones: Sequence[Zone], allowed: _Mask, grid: OccupancyGrid) -> SpawnRegion:
+    """Return the allowed cells in the zones; the weight of a cell is the sum of its zones'."""
+    weight = np.zeros(allowed.shape, np.float32)
+    for zone in zones:
+        weight[polygon_mask(zone.polygon_m, grid) & allowed] += zone.weight
+    area_m2 = float(weight.sum(dtype=np.float64)) * grid.cell_area_m2
+    return SpawnRegion(weight > 0.0, weight, area_m2)
 
 
 def _region_of(mask: _Mask, grid: OccupancyGrid) -> SpawnRegion:

@@ -8,7 +8,6 @@ import numpy.typing as npt
 import pytest
 from scipy import ndimage
 
-from are_ros.errors import ParameterError
 from are_ros.parameters.choices import Region
 from are_ros.world.map_io import read_map_file
 from are_ros.world.occupancy_grid import OccupancyGrid, classify
@@ -165,13 +164,6 @@ def test_zone_weights_make_the_effective_area() -> None:
     assert region.area_m2 == pytest.approx(3 * (3.0 + 3 * 3.5 + 4 * 0.5) * 0.25)
     np.testing.assert_array_equal(region.mask, region.weight > 0)
     assert not region.mask[0].any()
-
-
-def test_zones_without_any_zone_are_refused() -> None:
-    """The kind zones needs a file with at least one."""
-    free = np.ones((4, 4), np.bool_)
-    with pytest.raises(ParameterError, match="names no file that lists any zone"):
-        region_finder(Region.ZONES, _grid(free), free, _clearance_m(free), 0.2)
 
 
 def test_a_turned_map_finds_the_robot() -> None:

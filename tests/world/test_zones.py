@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from are_ros.errors import ParameterError
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.regions import Zone, polygon_mask, read_zones_file, zone_weights
+from are_ros.world.regions import Zone, polygon_mask, read_zones_file, region_of_zones
 from are_ros.world.rigid_transform import RigidTransform
 
 
@@ -85,7 +85,8 @@ def test_weights_add_where_zones_overlap() -> None:
     zones = [Zone("a", square, 2.0), Zone("b", square + np.array((1.0, 0.0)), 0.5)]
     expected = np.zeros((3, 4))
     expected[:2, :3] = (2.0, 2.5, 0.5)
-    np.testing.assert_array_equal(zone_weights(zones, _grid(3, 4)), expected)
+    region = region_of_zones(zones, np.ones((3, 4), np.bool_), _grid(3, 4))
+    np.testing.assert_array_equal(region.weight, expected)
 
 
 @pytest.mark.parametrize(

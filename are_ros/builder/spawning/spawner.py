@@ -32,10 +32,9 @@ from are_ros.world.regions import (
     RegionFinder,
     SpawnRegion,
     Zones,
-    polygon_mask,
     read_zones_file,
     region_finder,
-    zone_weights,
+    region_of_zones,
 )
 
 _GROWN_M: Final = 1e-3
@@ -89,8 +88,10 @@ Allowed = Callable[[OrientedBoxes], npt.NDArray[np.bool_]]
 """Tells which of N boxes may stand where they are: bool (N,)."""
 
 
-def check_ways_in(parameters: Parameters, zones: Zones) -> None:
-    """Raise ParameterError if artefacts shall appear in zones, and these list no way in."""
+def check_zones(parameters: Parameters, zones: Zones) -> None:
+    """Raise ParameterError if artefacts shall arrive or appear in zones, and none is listed."""
+    if parameters.population.region is Region.ZONES and not zones.zones:
+        raise ParameterError("population.region is zones, but population.zones lists none")
     if parameters.population.appear is Appear.ZONES and not zones.ways_in:
         raise ParameterError(
             "population.appear is zones, "
@@ -114,8 +115,6 @@ class Spawning:
         self._robot_radius_m = footprint.inscribed_radius_m
         zones = parameters.population.zones
         self.zones = read_zones_file(Path(zones)) if zones else Zones()
-        if parameters.population.region is Region.ZONES and not self.zones.zones:
-            raise ParameterError("population.region is zones, but population.zones lists none")
         self._environment: Environment | None = None
         self._finder: RegionFinder | None = None
         self.region: SpawnRegion | None = None
@@ -134,7 +133,7 @@ class Spawning:
 
     def check(self, parameters: Parameters) -> None:
         """Raise ParameterError if artefacts shall appear in zones and there is none."""
-        check_ways_in(parameters, self.zones)
+        check_zones(parameters, self.zones)
 
     @property
     def area_m2(self) -> float:
@@ -267,13 +266,8 @@ class Spawning:
         """Return the entrances within the region; if the region is zones, within free space."""
         mask = region.mask
         if self._population.region is Region.ZONES:
-            mask = environment.classes.free.copy()
-            for polygon_m in self.zones.no_spawn:
-                mask &= ~polygon_mask(polygon_m, environment.grid)
-        weight = zone_weights(self.zones.ways_in, environment.grid)
-        weight[~mask] = 0.0
-        area_m2 = float(weight.sum(dtype=np.float64)) * environment.grid.cell_area_m2
-        return SpawnRegion(weight > 0.0, weight, area_m2)
+            mask = self.zones.allowed(environment.classes.free, environment.grid)
+        return region_of_zones(self.zones.ways_in, mask, environment.grid)
 
     def _finder_for(self, environment: Environment) -> RegionFinder:
         return region_finder(

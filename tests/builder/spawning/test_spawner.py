@@ -131,7 +131,7 @@ def test_members_of_a_group_are_near_the_first(make_scene: Callable[..., Scene])
 def test_zones_come_from_their_file(make_scene: Callable[..., Scene], tmp_path: Path) -> None:
     """The area is the zone's free cells; without a file the region cannot be zones."""
     environment = surroundings(make_scene().room())
-    with pytest.raises(ParameterError, match=r"population\.zones"):
+    with pytest.raises(ParameterError, match=r"region is zones, but population\.zones lists none"):
         spawning(region="zones").refresh(environment, None)
     path = tmp_path / "zones.yaml"
     path.write_text("zones:\n- polygon: [[1, 1], [2, 1], [2, 3], [1, 3]]\n", encoding="utf-8")
