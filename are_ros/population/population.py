@@ -6,12 +6,11 @@ request. The caller asks when the next event is due, and has it processed.
 """
 
 import math
-from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from itertools import accumulate, islice
+from itertools import islice
 from operator import attrgetter
 from types import MappingProxyType
 
@@ -28,7 +27,7 @@ from are_ros.population.departures import (
     DepartureLaw,
     leaving_rate_per_s,
 )
-from are_ros.population.randomness import Purpose, generator
+from are_ros.population.randomness import Purpose, generator, inverted
 from are_ros.population.scenario import Scenario, ScriptedOffer, ScriptedSource
 
 
@@ -380,9 +379,9 @@ class Population:
 
     def _drawn_behaviour(self, artefact_id: int, row: CatalogueRow) -> str:
         """Draw one of the row's behaviours by their probabilities, with one uniform number."""
-        names, weights = list(row.behaviours), list(accumulate(row.behaviours.values()))
-        uniform = generator(self._seed, Purpose.BEHAVIOUR, artefact_id).random() * weights[-1]
-        return names[bisect_right(weights, uniform)]
+        stream = generator(self._seed, Purpose.BEHAVIOUR, artefact_id)
+        cumulative = np.cumsum(list(row.behaviours.values()))
+        return list(row.behaviours)[inverted(cumulative, stream)]
 
     def _sort_living(self) -> None:
         """Move the new artefact, last in the dict, to where its id belongs."""
