@@ -93,8 +93,8 @@ class Artefact:
     `departure_ns` is None while the end is not known in advance. Ids are never reused. `behaviour`
     names its behaviour, `activity` what it does at present (empty: the same), `planner` the motion
     planner in use (empty: it does not plan). One that `may_change` chooses among the behaviours of
-    its row again and again; else its behaviour was given. An artefact `is_leaving` while it walks
-    to an exit after the end of its life. `options` are the arguments of its behaviour.
+    its row again and again; else its behaviour was given. `options` are the arguments of its
+    behaviour.
     """
 
     id: int
@@ -107,7 +107,6 @@ class Artefact:
     activity: str = ""
     planner: str = ""
     may_change: bool = False
-    is_leaving: bool = False
     options: Mapping[str, Any] | None = None
 
     def ground_pose_at(self, t_ns: int) -> GroundPose:

@@ -292,7 +292,7 @@ class Population:
             cause = self._causes.get(artefact_id, Cause.LIFE_OVER)
             return self.remove(artefact_id, time_ns, cause)
         self._end_life(artefact_id, time_ns)
-        artefact.is_leaving, artefact.departure_ns = True, None
+        artefact.departure_ns = None
         return self._event(time_ns, EventKind.LEAVING, artefact_id, artefact.row, Cause.LIFE_OVER)
 
     def _next_departure(self) -> Departure | None:

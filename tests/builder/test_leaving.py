@@ -42,12 +42,12 @@ def test_one_walks_to_the_exit_and_departs_there() -> None:
 
 
 def test_a_life_that_is_over_has_no_end_any_more() -> None:
-    """While it leaves its departure is not known, and the population says that it is leaving."""
+    """While it leaves its departure is not known, and its behaviour is leaving."""
     town = Town.of(WALK_OUT, OPEN_HALL)
     walker = town.place(WALKER, 3.0, 4.0, life_s=1.0)
     assert town.one(walker).departure_ns == town.ns(1.0)
     town.run(0.0, 2.0)
-    assert town.one(walker).is_leaving
+    assert town.one(walker).behaviour == "leaving"
     assert town.one(walker).departure_ns is None
 
 
@@ -117,7 +117,7 @@ def test_leaving_can_be_switched_while_it_runs() -> None:
     record = town.run(1.0, 1.6)
     gone = [e.artefact_id for e in record.events if e.kind is EventKind.DEPARTED]
     assert gone == [second]
-    assert town.one(first).is_leaving
+    assert town.one(first).behaviour == "leaving"
     record = town.run(1.6, 20.0)
     assert [e.artefact_id for e in record.events if e.kind is EventKind.DEPARTED] == [first]
 
@@ -127,7 +127,7 @@ def test_a_pause_takes_nothing_from_the_patience() -> None:
     town = Town.of(WALK_OUT | {"population.exit_patience": 10.0}, OPEN_HALL)
     walker = town.place(WALKER, 1.5, 4.0, life_s=0.5)
     town.run(0.0, 1.5)
-    assert town.one(walker).is_leaving
+    assert town.one(walker).behaviour == "leaving"
     (state,) = town.lives.crowd.table.states
     assert state is not None
     gained_ns = state.gained_ns
@@ -149,7 +149,7 @@ def planned(values: dict[str, Any], grid: OccupancyGrid) -> dict[int, tuple[int,
     for k in range(200):
         town.builder.advance(town.ns(0.05 * k))
         for i, one in town.lives.population.living.items():
-            if not one.is_leaving:
+            if one.behaviour != "leaving":
                 lives.setdefault(i, (one.arrival_ns, one.row.index, one.departure_ns))
     return lives
 

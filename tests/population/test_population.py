@@ -591,7 +591,7 @@ def test_those_who_leave_fill_the_place() -> None:
     assert after
     assert {event.cause for event in after} == {Cause.MAX_ALIVE}
     one = population.living[leaving.artefact_id]
-    assert (one.is_leaving, one.departure_ns) == (True, None)
+    assert one.departure_ns is None
     assert population.counts.departed == 0
     population.remove(one.id, _seconds(20), Cause.LIFE_OVER)
     assert population.counts.departed == 1
@@ -601,8 +601,9 @@ def test_those_who_leave_fill_the_place() -> None:
 def test_rates_that_change_do_not_touch_those_who_leave() -> None:
     """No new end is given to a life that is over."""
     population = _population(2, mean_life_s=2.0, stays_on=lambda *_: True)
-    _advance(population, _seconds(20))
-    leaving = [one for one in population.living.values() if one.is_leaving]
+    told = _advance(population, _seconds(20))
+    ids = [event.artefact_id for event in told if event.kind is EventKind.LEAVING]
+    leaving = [population.living[artefact_id] for artefact_id in ids]
     assert leaving
     population.set_rates(0.01, 100.0, 50.0, _seconds(20))
     population.postpone(_seconds(20), _seconds(21))
