@@ -300,7 +300,6 @@ class PopulationManager:
         pose: GroundPose,
         now_ns: int,
         *,
-        origin: Origin = Origin.SERVICE,
         life_ns: int | None = None,
         behaviour: str = "",
     ) -> int:
@@ -320,9 +319,7 @@ class PopulationManager:
             reason = self._spawning.why_not(box, environment, others, robot)
         if reason:
             raise PlacementError(f"{row.label} at {pose.x_m:.2f}, {pose.y_m:.2f}: {reason}")
-        event = self.population.admit(
-            row, pose, now_ns, origin=origin, life_ns=life_ns, behaviour=behaviour
-        )
+        event = self.population.admit(row, pose, now_ns, life_ns=life_ns, behaviour=behaviour)
         self._apply(event)
         return event.artefact_id
 

@@ -251,7 +251,6 @@ class Population:
         pose: GroundPose,
         now_ns: int,
         *,
-        origin: Origin,
         life_ns: int | None = None,
         behaviour: str = "",
     ) -> PopulationEvent:
@@ -268,7 +267,7 @@ class Population:
             raise PlacementError(msg)
         artefact_id = self.scripted.new_id()
         end_ns = None if life_ns is None else now_ns + life_ns
-        return self._begin(artefact_id, row, pose, now_ns, origin, end_ns, behaviour)
+        return self._begin(artefact_id, row, pose, now_ns, Origin.SERVICE, end_ns, behaviour)
 
     def present_at(self, t_ns: int) -> list[Artefact]:
         """Return the artefacts present at `t_ns` (arrival <= t < departure), by id.

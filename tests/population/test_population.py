@@ -353,7 +353,7 @@ def test_an_admitted_artefact_ends_on_its_own_and_shifts_nothing(kind: Departure
     expected = _records(_advance(alone, _seconds(30)))
     events = _advance(visited, _seconds(4))
     pose = GroundPose(1.0, 2.0, 0.0, 0.5)
-    event = visited.admit(ROWS[0], pose, _seconds(4), origin=Origin.SERVICE, life_ns=3 * NS_PER_S)
+    event = visited.admit(ROWS[0], pose, _seconds(4), life_ns=3 * NS_PER_S)
     guest = visited.living[event.artefact_id]
     assert event.artefact_id == FIRST_ADMITTED_ID
     assert guest.origin is Origin.SERVICE
@@ -380,7 +380,6 @@ def test_given_and_drawn_ends_come_in_the_order_of_time() -> None:
             ROWS[0],
             GroundPose(1.0, 1.0, 0.0, 0.0),
             _seconds(2),
-            origin=Origin.SERVICE,
             life_ns=life_ns,
         ).artefact_id
         for life_ns in lives_ns
@@ -398,7 +397,6 @@ def test_only_given_ends_are_postponed_and_a_restart_forgets_all() -> None:
         ROWS[0],
         GroundPose(1.0, 1.0, 0.0, 0.0),
         _seconds(2),
-        origin=Origin.SERVICE,
         life_ns=NS_PER_S,
     ).artefact_id
     population.postpone(_seconds(2), _seconds(2) + 500)
@@ -418,7 +416,7 @@ def test_living_artefacts_are_in_the_order_of_their_ids() -> None:
     pose = GroundPose(1.0, 2.0, 0.0, 0.5)
     for _ in range(3):
         population.handle_next(_anywhere)
-        population.admit(ROWS[0], pose, EPOCH_NS + 10**12, origin=Origin.SCRIPTED)
+        population.admit(ROWS[0], pose, EPOCH_NS + 10**12)
     assert list(view) == [1, 2, 3, *range(FIRST_ADMITTED_ID, FIRST_ADMITTED_ID + 3)]
 
 
@@ -426,14 +424,14 @@ def test_admitting_without_a_life_draws_one_or_none() -> None:
     """A row of its own draws from the law, a structure stays; at the bound it is refused."""
     population = _population(8, per_s=0.0, max_alive=2)
     pose = GroundPose(0.0, 0.0, 0.0, 0.0)
-    drawn = population.admit(ROWS[0], pose, EPOCH_NS, origin=Origin.SCRIPTED).artefact_id
+    drawn = population.admit(ROWS[0], pose, EPOCH_NS).artefact_id
     life = generator(8, Purpose.LIFE, drawn).standard_exponential()
     assert population.living[drawn].departure_ns == EPOCH_NS + math.ceil(life / 0.2 * NS_PER_S)
     wall = _row(1, forever=True)
-    standing = population.admit(wall, pose, EPOCH_NS, origin=Origin.SCRIPTED).artefact_id
+    standing = population.admit(wall, pose, EPOCH_NS).artefact_id
     assert population.living[standing].departure_ns is None
     with pytest.raises(PlacementError, match="2 artefacts live"):
-        population.admit(wall, pose, EPOCH_NS, origin=Origin.SCRIPTED)
+        population.admit(wall, pose, EPOCH_NS)
     population.remove(standing, EPOCH_NS + 1, Cause.REMOVED)
     assert _advance(population, _seconds(1000))[0].artefact_id == drawn
     assert population.next_event_ns() is None
@@ -479,10 +477,7 @@ def test_the_departed_are_known_for_the_length_of_the_history() -> None:
     """Two seconds; then the next departure has them forgotten."""
     population = _population(per_s=0.0, mean_life_s=1e6)
     pose = GroundPose(1.0, 1.0, 0.0, 0.0)
-    first, second = (
-        population.admit(ROWS[0], pose, EPOCH_NS, origin=Origin.SERVICE).artefact_id
-        for _ in range(2)
-    )
+    first, second = (population.admit(ROWS[0], pose, EPOCH_NS).artefact_id for _ in range(2))
     population.remove(first, _seconds(10.0), Cause.REMOVED)
     assert [one.id for one in population.present_at(_seconds(9.0))] == [first, second]
     population.remove(second, _seconds(13.0), Cause.REMOVED)
@@ -498,7 +493,7 @@ def test_a_life_after_a_jump_of_the_clock_is_as_long_as_any(
     lives_s = []
     for seed in range(1000):
         population = _population(seed, kind, per_s=0.0, mean_life_s=1.0)
-        population.admit(ROWS[0], GroundPose(1.0, 1.0, 0.0, 0.0), EPOCH_NS, origin=Origin.SERVICE)
+        population.admit(ROWS[0], GroundPose(1.0, 1.0, 0.0, 0.0), EPOCH_NS)
         _advance(population, _seconds(waited_s))
         population.halt(_seconds(waited_s))
         for artefact_id in list(population.living):
@@ -506,7 +501,7 @@ def test_a_life_after_a_jump_of_the_clock_is_as_long_as_any(
         population.start(_seconds(3600))
         population.set_rates(0.0, 100.0, 1.0, _seconds(3600))
         pose, now_ns = GroundPose(2.0, 2.0, 0.0, 0.0), _seconds(3600)
-        population.admit(ROWS[0], pose, now_ns, origin=Origin.SERVICE)
+        population.admit(ROWS[0], pose, now_ns)
         lives_s.append(((population.next_event_ns() or now_ns) - now_ns) / NS_PER_S)
     assert stats.kstest(lives_s, "expon").pvalue > 0.001
 
@@ -650,9 +645,7 @@ def test_a_given_behaviour_is_kept_and_all_are_told_of() -> None:
     told: list[Artefact] = []
     population = _population(4, begun=lambda one, _: told.append(one))
     pose = GroundPose(1.0, 2.0, 0.0, 0.5)
-    event = population.admit(
-        ROWS[0], pose, EPOCH_NS, origin=Origin.SERVICE, behaviour="somebody:Else"
-    )
+    event = population.admit(ROWS[0], pose, EPOCH_NS, behaviour="somebody:Else")
     assert [(one.id, one.behaviour) for one in told] == [(event.artefact_id, "somebody:Else")]
     assert told[0] is population.living[event.artefact_id]
     assert told[0].history.latest == pose

@@ -7,7 +7,7 @@ from typing import Final
 from are_ros.agents.behaviours.registry import BEHAVIOURS, why_not
 from are_ros.builder.simulation import Simulation
 from are_ros.errors import CatalogueError
-from are_ros.population.artefact import GroundPose, Origin, on_ground
+from are_ros.population.artefact import GroundPose, on_ground
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.randomness import Purpose, generator
 from are_ros.world.rigid_transform import RigidTransform
@@ -50,12 +50,7 @@ class Requests:
         row = self._row_of(request)
         pose = self._ground_pose(request, row)
         return simulation.lives.place(
-            row,
-            pose,
-            now_ns,
-            origin=Origin.SERVICE,
-            life_ns=request.life_ns,
-            behaviour=request.behaviour,
+            row, pose, now_ns, life_ns=request.life_ns, behaviour=request.behaviour
         )
 
     def remove(self, artefact_id: int, now_ns: int) -> None:
