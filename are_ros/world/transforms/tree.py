@@ -1,6 +1,5 @@
 """The tree of frames over time, in place of tf2 (section 3.1, Frames)."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, NoReturn
 
@@ -235,19 +234,15 @@ class FrameTree:
         table = self._table
         status, stamp_ns = latest_not_after(table.samples, table.frames, to, of, now_ns)
         if status:
-            name = self._ending_at(stamp_ns, (to, of))
+            name = self.ending_at(target, source, stamp_ns)
             self._fail(status, target, source, stamp_ns, f"{name} ends there, and " * bool(name))
         return int(stamp_ns)
 
     def ending_at(self, target: str, source: str, stamp_ns: int) -> str:
         """Return "a -> b", an edge above two known frames that has no newer sample; else ""."""
-        frames = self._names.number(target), self._names.number(source)
-        return self._ending_at(stamp_ns, frames)
-
-    def _ending_at(self, stamp_ns: int, frames: Iterable[int]) -> str:
         edges = self._table.edges
-        for frame in frames:
-            above, passed = frame, set[int]()
+        for frame in (target, source):
+            above, passed = self._names.number(frame), set[int]()
             while above in edges and above not in passed:
                 passed.add(above)
                 edge = edges[above]
