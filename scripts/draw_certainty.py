@@ -95,9 +95,9 @@ def observed(parameters: Parameters, seconds: float) -> Looks:
     looks = Looks([], [], [], [], [], [], [])
     seen_by_all = ticks_of(parameters_of(""), seconds)
     for exact, told in zip(seen_by_all, ticks_of(parameters, seconds), strict=True):
-        when = {one.artefact_id: one.last_seen_ns for one in told.perceived}
+        when = {one.artefact_id: one.sighting.seen_ns for one in told.perceived}
         for one in exact.perceived:
-            fraction, range_m = one.visible_fraction, one.range_m
+            fraction, range_m = one.sighting.visible_fraction, one.sighting.range_m
             chance = detection_probability(parameters.certainty, fraction, range_m)
             looks.chances.append(chance)
             looks.detected.append(when.get(one.artefact_id) == told.stamp_ns)
@@ -251,7 +251,7 @@ def busiest(ticks: Iterator[Tick]) -> Tick:
     """Return the tick that tells of most near the robot, one false, with room for their words."""
 
     def rank(tick: Tick) -> tuple[bool, int]:
-        near = [one for one in tick.perceived if one.range_m < NEAR_M]
+        near = [one for one in tick.perceived if one.sighting.range_m < NEAR_M]
         places_m = np.array([one.map_from_artefact.translation_m[:2] for one in near])
         apart_m = np.abs(places_m[:, None] - places_m[None]) if near else np.zeros((0, 0, 2))
         crowded = (apart_m < LABEL_M).all(axis=2).sum() - len(near)

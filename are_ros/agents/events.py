@@ -69,15 +69,35 @@ class ArtefactState:
     activity: str
 
 
+@dataclass(frozen=True)
+class Sighting:
+    """How one member of A_f was last seen, at `seen_ns`.
+
+    `cameras` are the names of those that saw it; all else is of the first: `roi_px` is (x, y,
+    width, height) of the visible pixels, `range_m` the distance from the camera's centre to the
+    nearest visible point.
+    """
+
+    visible_pixels: int
+    unoccluded_pixels: int
+    roi_px: tuple[int, int, int, int]
+    range_m: float
+    seen_ns: int = 0
+    cameras: tuple[str, ...] = ()
+
+    @property
+    def visible_fraction(self) -> float:
+        """The share of its pixels that are visible."""
+        return self.visible_pixels / max(self.unoccluded_pixels, 1)
+
+
 @dataclass(frozen=True, eq=False)
 class PerceivedArtefact:
     """One member of A_f: a perceived artefact (are_msgs/PerceivedArtefact).
 
     The pose is that of F_A in the map's frame, with a 6x6 row-major covariance as ROS orders it
-    (x, y, z, rotation about x, y, z). `cameras` are the names of those that saw it; the pixels are
-    of the first: `roi_px` is (x, y, width, height) of the visible ones, `range_m` the distance
-    from the camera's centre to its nearest visible point. `behaviours` are those that it may have,
-    the most probable first, and their probabilities, if it is there; empty where none is told.
+    (x, y, z, rotation about x, y, z). `behaviours` are those that it may have, the most probable
+    first, and their probabilities, if it is there; empty where none is told.
     """
 
     artefact_id: int
@@ -90,14 +110,8 @@ class PerceivedArtefact:
     linear_velocity_m_s: Vector3
     angular_velocity_rad_s: Vector3
     twist_covariance: tuple[float, ...]
-    visible_pixels: int
-    unoccluded_pixels: int
-    visible_fraction: float
-    range_m: float
+    sighting: Sighting
     existence: float
-    roi_px: tuple[int, int, int, int]
-    last_seen_ns: int
-    cameras: tuple[str, ...] = ()
     behaviours: tuple[str, ...] = ()
     behaviour_probabilities: tuple[float, ...] = ()
 

@@ -3,7 +3,13 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from are_ros.agents.events import ArtefactEvent, ArtefactState, EventKind, PerceivedArtefact
+from are_ros.agents.events import (
+    ArtefactEvent,
+    ArtefactState,
+    EventKind,
+    PerceivedArtefact,
+    Sighting,
+)
 from are_ros.agents.robots import RobotTracker
 from are_ros.builder.occlusion.kernels import Visibility
 from are_ros.builder.occlusion.meshes import MeshBank
@@ -20,26 +26,6 @@ from are_ros.world.rigid_transform import RigidTransform
 
 _CERTAIN = (0.0,) * 36
 """A covariance of zeros."""
-
-
-@dataclass(frozen=True)
-class Sighting:
-    """How one member of A_f was seen; `range_m` is to its nearest visible point.
-
-    `cameras` are the names of those that saw it; the numbers and `seen_ns` are of the first.
-    """
-
-    visible_pixels: int
-    unoccluded_pixels: int
-    roi_px: tuple[int, int, int, int]
-    range_m: float
-    seen_ns: int = 0
-    cameras: tuple[str, ...] = ()
-
-    @property
-    def visible_fraction(self) -> float:
-        """The share of its pixels that are visible."""
-        return self.visible_pixels / max(self.unoccluded_pixels, 1)
 
 
 def joined(one: Sighting, other: Sighting) -> Sighting:
@@ -115,14 +101,8 @@ def perceived_artefact(state: ArtefactState, sighting: Sighting) -> PerceivedArt
         linear_velocity_m_s=state.linear_velocity_m_s,
         angular_velocity_rad_s=state.angular_velocity_rad_s,
         twist_covariance=_CERTAIN,
-        visible_pixels=sighting.visible_pixels,
-        unoccluded_pixels=sighting.unoccluded_pixels,
-        visible_fraction=sighting.visible_fraction,
-        range_m=sighting.range_m,
+        sighting=sighting,
         existence=1.0,
-        roi_px=sighting.roi_px,
-        last_seen_ns=sighting.seen_ns,
-        cameras=sighting.cameras,
     )
 
 

@@ -181,17 +181,18 @@ def _append_perceived(writer: CdrWriter, artefact: PerceivedArtefact) -> None:
         *artefact.angular_velocity_rad_s,
         *artefact.twist_covariance,
     )
+    seen = artefact.sighting
     writer.pack(
         _PIXELS_AND_SHARES,
         4,
-        artefact.visible_pixels,
-        artefact.unoccluded_pixels,
-        artefact.visible_fraction,
-        artefact.range_m,
+        seen.visible_pixels,
+        seen.unoccluded_pixels,
+        seen.visible_fraction,
+        seen.range_m,
         artefact.existence,
     )
-    writer.region(artefact.roi_px)
-    writer.time(artefact.last_seen_ns)
-    writer.texts(artefact.cameras)
+    writer.region(seen.roi_px)
+    writer.time(seen.seen_ns)
+    writer.texts(seen.cameras)
     writer.texts(artefact.behaviours)
     writer.numbers(np.array(artefact.behaviour_probabilities), "<f4")

@@ -198,7 +198,7 @@ def test_camera_info_replaces_the_default_camera(scene: Scene) -> None:
     tick = scene.tick(0.3)
     assert seen(tick) == [behind]
     assert tick.map_from_camera.translation_m.tolist() == pytest.approx([1.0, 2.0, 0.5])
-    assert max(tick.perceived[0].roi_px) <= 32
+    assert max(tick.perceived[0].sighting.roi_px) <= 32
 
 
 def test_parameters_can_overrule_camera_info(make_scene: Make) -> None:
@@ -232,7 +232,7 @@ def test_a_slow_camera_says_when_it_saw(make_scene: Make) -> None:
     for step in range(12, 22):
         scene.robot(0.1 * step, 1.0, 2.0)
         ticks.append(scene.tick(0.1 * step))
-    looks = [tick.perceived[0].last_seen_ns for tick in ticks if tick.perceived]
+    looks = [tick.perceived[0].sighting.seen_ns for tick in ticks if tick.perceived]
     assert looks == [scene.ns(1.2)] * 3 + [scene.ns(1.5)] * 5 + [scene.ns(2.0)] * 2
 
 
@@ -333,7 +333,7 @@ def test_tau_is_the_most_pixels_that_do_not_count(make_scene: Make) -> None:
     scene.map(0.0)
     scene.robot(0.0, 1.0, 2.0)
     scene.place(0, (2.5, 2.0), 0.0)
-    pixels = scene.tick(0.1).perceived[0].visible_pixels
+    pixels = scene.tick(0.1).perceived[0].sighting.visible_pixels
     assert pixels > 100
     for tau in (pixels - 1, pixels):
         other = make_scene({"occlusion.tau": tau})
@@ -611,7 +611,7 @@ def everything(tick: Tick) -> tuple[Any, ...]:
     grids = tick.grids
     return (
         [(s.artefact_id, s.row, s.ground_pose, s.departure_ns) for s in tick.artefacts],
-        [(p.artefact_id, p.visible_pixels, p.roi_px, p.range_m) for p in tick.perceived],
+        [(p.artefact_id, p.sighting) for p in tick.perceived],
         tick.events,
         repr(tick.metrics),
         [(m.namespace, m.action, m.scale, m.colour) for m in tick.markers.looks],

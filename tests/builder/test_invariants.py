@@ -430,7 +430,7 @@ def told(tick: Tick) -> tuple[Any, ...]:
     grids = tick.grids
     return (
         [(s.artefact_id, s.label, s.ground_pose, s.arrival_ns) for s in tick.artefacts],
-        [(p.artefact_id, p.visible_pixels, p.roi_px, p.range_m) for p in tick.perceived],
+        [(p.artefact_id, p.sighting) for p in tick.perceived],
         tick.events,
         [(m.namespace, m.action, m.scale) for m in tick.markers.looks],
         tick.markers.ids.tolist(),

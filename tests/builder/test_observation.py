@@ -6,13 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from are_ros.agents.events import EventKind
+from are_ros.agents.events import EventKind, Sighting
 from are_ros.agents.robots import RobotTracker
 from are_ros.builder.assembly import catalogue_of
 from are_ros.builder.observation import (
     CameraObserver,
     Observation,
-    Sighting,
     Watch,
     joined,
     sight_events,

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from are_ros.agents.events import Sighting
 from are_ros.agents.trajectory_buffer import TrajectoryBuffer
-from are_ros.builder.observation import Sighting, perceived_artefact
+from are_ros.builder.observation import perceived_artefact
 from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S
@@ -121,13 +122,12 @@ def test_who_turns_away_and_back_moves_where_it_is_as_before(row: CatalogueRow) 
 def test_what_is_perceived_holds_no_uncertainty_of_its_own(row: CatalogueRow) -> None:
     """One class, certain; the fraction is visible over unoccluded pixels."""
     state = artefact_state(an_artefact(row), 500)
-    seen = perceived_artefact(state, Sighting(30, 120, (4, 5, 6, 7), 2.5, 450, ("eye",)))
+    sighting = Sighting(30, 120, (4, 5, 6, 7), 2.5, 450, ("eye",))
+    seen = perceived_artefact(state, sighting)
     assert (seen.artefact_id, seen.label) == (7, "crate")
     assert (seen.classes, seen.probabilities, seen.existence) == (("thing",), (1.0,), 1.0)
-    assert (seen.visible_pixels, seen.unoccluded_pixels) == (30, 120)
-    assert seen.visible_fraction == 0.25
-    assert (seen.roi_px, seen.range_m, seen.last_seen_ns) == ((4, 5, 6, 7), 2.5, 450)
-    assert seen.cameras == ("eye",)
+    assert seen.sighting == sighting
+    assert seen.sighting.visible_fraction == 0.25
     assert set(seen.pose_covariance) == set(seen.twist_covariance) == {0.0}
     assert seen.map_from_artefact is state.map_from_artefact
     assert not hasattr(seen, "departure_ns")

@@ -14,6 +14,7 @@ from are_ros.agents.events import (
     PerceivedArtefact,
     PredictedPath,
     SceneMetrics,
+    Sighting,
 )
 from are_ros.bag.types import jazzy_typestore
 from are_ros.messages.artefacts import (
@@ -39,8 +40,8 @@ PATHS = "are_msgs/msg/PredictedPathArray"
 EVENT, METRICS = "are_msgs/msg/ArtefactEvent", "are_msgs/msg/SceneMetrics"
 PERCEIVED = PerceivedArtefact(
     7, "adult", ("person", "car"), (0.75, 0.25), RigidTransform.planar(1.0, 2.0, 0.5),
-    tuple(range(36)), (0.5, 0.6, 1.7), (1.2, 0.0, 0.0), (0.0, 0.0, 0.3), tuple(range(36, 72)), 120,
-    240, 0.5, 3.25, 0.875, (10, 20, 30, 40), 6_000_000_002,
+    tuple(range(36)), (0.5, 0.6, 1.7), (1.2, 0.0, 0.0), (0.0, 0.0, 0.3), tuple(range(36, 72)),
+    Sighting(120, 240, (10, 20, 30, 40), 3.25, 6_000_000_002), 0.875,
 )  # fmt: skip
 
 TEXTS = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=9)
@@ -55,8 +56,8 @@ TRANSFORMS = st.builds(
 SIGHTS = st.builds(
     PerceivedArtefact,
     UINT64, TEXTS, st.lists(TEXTS, max_size=3).map(tuple), st.lists(SINGLES, max_size=3).map(tuple),
-    TRANSFORMS, COVARIANCES, TRIPLES, TRIPLES, TRIPLES, COVARIANCES, UINT32, UINT32, SINGLES,
-    SINGLES, SINGLES, st.tuples(*[UINT32] * 4), TIMES,
+    TRANSFORMS, COVARIANCES, TRIPLES, TRIPLES, TRIPLES, COVARIANCES,
+    st.builds(Sighting, UINT32, UINT32, st.tuples(*[UINT32] * 4), SINGLES, TIMES), SINGLES,
 )  # fmt: skip
 
 
@@ -79,7 +80,8 @@ def make_perceived(
 def make_perceived_artefact(factory: RosbagsFactory, artefact: PerceivedArtefact) -> Any:
     """Return one of them."""
     linear, angular = artefact.linear_velocity_m_s, artefact.angular_velocity_rad_s
-    x, y, width, height = artefact.roi_px
+    seen = artefact.sighting
+    x, y, width, height = seen.roi_px
     return factory.make(
         "are_msgs/msg/PerceivedArtefact",
         id=artefact.artefact_id,
@@ -97,16 +99,16 @@ def make_perceived_artefact(factory: RosbagsFactory, artefact: PerceivedArtefact
             twist=make_twist(factory, linear, angular),
             covariance=np.array(artefact.twist_covariance, dtype=np.float64),
         ),
-        visible_pixels=artefact.visible_pixels,
-        unoccluded_pixels=artefact.unoccluded_pixels,
-        visible_fraction=artefact.visible_fraction,
-        range=artefact.range_m,
+        visible_pixels=seen.visible_pixels,
+        unoccluded_pixels=seen.unoccluded_pixels,
+        visible_fraction=seen.visible_fraction,
+        range=seen.range_m,
         existence=artefact.existence,
         roi=factory.make(
             "sensor_msgs/msg/RegionOfInterest", x_offset=x, y_offset=y, height=height, width=width
         ),
-        last_seen=make_time(factory, artefact.last_seen_ns),
-        cameras=list(artefact.cameras),
+        last_seen=make_time(factory, seen.seen_ns),
+        cameras=list(seen.cameras),
     )
 
 

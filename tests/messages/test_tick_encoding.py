@@ -11,6 +11,7 @@ from are_ros.agents.events import (
     EventKind,
     PerceivedArtefact,
     SceneMetrics,
+    Sighting,
 )
 from are_ros.bag.types import jazzy_typestore
 from are_ros.builder.certainty.perception import Perception
@@ -41,8 +42,8 @@ ARTEFACT = Artefact(
     1, ROW, Origin.RANDOM, 5 * MS, PoseHistory(5 * MS, GroundPose(1.0, 2.0, 0.0, 0.5))
 )
 SEEN = PerceivedArtefact(
-    1, "box", ("things",), (1.0,), POSE, CERTAIN, (0.5, 0.4, 0.8), STILL, STILL, CERTAIN, 9, 10,
-    0.9, 2.5, 1.0, (1, 2, 3, 4), 90 * MS,
+    1, "box", ("things",), (1.0,), POSE, CERTAIN, (0.5, 0.4, 0.8), STILL, STILL, CERTAIN,
+    Sighting(9, 10, (1, 2, 3, 4), 2.5, 90 * MS), 1.0,
 )  # fmt: skip
 METRICS = SceneMetrics(1, 0, 2, 1, 0, 0, 0, 12.5, 0.25, float("nan"))
 CELLS = np.array([[0, 100], [-1, 0]], np.int8)

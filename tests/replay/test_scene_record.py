@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from are_ros.agents.events import ArtefactEvent, EventKind, SceneMetrics
+from are_ros.agents.events import ArtefactEvent, EventKind, SceneMetrics, Sighting
 from are_ros.builder.certainty.perception import Perception
 from are_ros.builder.costmap.augmented_map import Grids
 from are_ros.builder.markers import NO_MARKERS
-from are_ros.builder.observation import Observation, Sighting, perceived_artefacts
+from are_ros.builder.observation import Observation, perceived_artefacts
 from are_ros.builder.scene import Scene
 from are_ros.builder.tick import Tick
 from are_ros.draw.scene import SceneRecord

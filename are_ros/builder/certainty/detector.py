@@ -2,11 +2,13 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.agents.events import Sighting
 from are_ros.builder.certainty.belief import BehaviourLaw, Belief, Census, behaviour_shares
 from are_ros.builder.certainty.false_alarms import FalseAlarm, FalseAlarms
 from are_ros.builder.certainty.perception import Delay, Perception, View
@@ -19,7 +21,7 @@ from are_ros.builder.certainty.track import (
     boxes_at,
     predicted_paths,
 )
-from are_ros.builder.observation import Sighting, joined
+from are_ros.builder.observation import joined
 from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.parameters.model import CertaintyParameters, Parameters
@@ -189,9 +191,9 @@ class Detector:
 
     def _take(self, track: Track, now_ns: int, sighting: Sighting) -> None:
         """Note a detection, and look at the class if it is time."""
-        is_first = track.seen_ns != now_ns  # else another camera has detected it just now
+        is_first = track.sighting.seen_ns != now_ns  # else another camera has just detected it
+        sighting = replace(sighting, seen_ns=now_ns)
         track.sighting = sighting if is_first else joined(track.sighting, sighting)
-        track.seen_ns = now_ns
         if self._tells_behaviours:
             self._look_at_behaviour(track, now_ns)
         if _is_due(track.classes, now_ns, self._settings.class_time):
@@ -226,7 +228,7 @@ class Detector:
         self._tracks = {
             number: track
             for number, track in self._tracks.items()
-            if track.seen_ns >= oldest_ns and track.existence.artefact >= _FORGOTTEN
+            if track.sighting.seen_ns >= oldest_ns and track.existence.artefact >= _FORGOTTEN
         }
         self._ends_ns = {i: end for i, end in self._ends_ns.items() if i in self._tracks}
 

@@ -7,9 +7,9 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.agents.events import Sighting
 from are_ros.builder.certainty.perception import View
 from are_ros.builder.certainty.track import Body, boxes_at
-from are_ros.builder.observation import Sighting
 from are_ros.conventions import seconds_to_ns
 from are_ros.parameters.model import CertaintyParameters
 from are_ros.population.catalogue import CatalogueRow

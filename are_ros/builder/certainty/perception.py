@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.events import PerceivedArtefact, PredictedPath
-from are_ros.builder.observation import Sighting
+from are_ros.agents.events import PerceivedArtefact, PredictedPath, Sighting
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.environment import Environment
 
@@ -47,7 +46,7 @@ class Perception:
     @property
     def seen_ns(self) -> dict[int, int]:
         """When each was last seen, by id."""
-        return {one.artefact_id: one.last_seen_ns for one in self.artefacts}
+        return {one.artefact_id: one.sighting.seen_ns for one in self.artefacts}
 
 
 class Delay:

@@ -15,9 +15,8 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.events import PerceivedArtefact, PredictedPath
+from are_ros.agents.events import PerceivedArtefact, PredictedPath, Sighting
 from are_ros.builder.certainty.belief import Belief, Existence
-from are_ros.builder.observation import Sighting
 from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.model import CertaintyParameters
@@ -174,7 +173,7 @@ _PLANAR: Final = np.ix_((0, 1, 5), (0, 1, 5))
 class Track:
     """A body that was detected: `body` is the truth, all else what is believed of it.
 
-    `sighting` and `seen_ns` are those of the last detection.
+    `sighting` is that of the last detection.
     """
 
     def __init__(
@@ -191,7 +190,6 @@ class Track:
         self.existence = existence
         self.classes = classes
         self.sighting = Sighting(0, 0, (0, 0, 0, 0), math.inf)
-        self.seen_ns = 0
         self.behaviours: Belief | None = None
 
     @property
@@ -216,7 +214,7 @@ class Track:
         behaviours: tuple[tuple[str, ...], tuple[float, ...]] = (), ()
         if behaviour_names and self.behaviours is not None:
             behaviours = self.behaviours.ranked(behaviour_names)
-        row, sighting, covariance = self.body.row, self.sighting, self.error.covariance
+        row, covariance = self.body.row, self.error.covariance
         cos, sin = math.cos(yaw), math.sin(yaw)
         return PerceivedArtefact(
             artefact_id=self.artefact_id,
@@ -229,14 +227,8 @@ class Track:
             linear_velocity_m_s=(cos * vx + sin * vy, cos * vy - sin * vx, 0.0),
             angular_velocity_rad_s=(0.0, 0.0, turn),
             twist_covariance=_as_ros(_turned(covariance[3:, 3:], -yaw)),
-            visible_pixels=sighting.visible_pixels,
-            unoccluded_pixels=sighting.unoccluded_pixels,
-            visible_fraction=sighting.visible_fraction,
-            range_m=sighting.range_m,
+            sighting=self.sighting,
             existence=self.existence.artefact,
-            roi_px=sighting.roi_px,
-            last_seen_ns=self.seen_ns,
-            cameras=sighting.cameras,
             behaviours=behaviours[0],
             behaviour_probabilities=behaviours[1],
         )

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from are_ros.agents.events import Sighting
 from are_ros.builder.certainty.detector import Detector
 from are_ros.builder.certainty.perception import Perception, View
-from are_ros.builder.observation import Sighting
 from are_ros.builder.scene import Scene
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.declaration import with_values

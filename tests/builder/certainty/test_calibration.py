@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from are_ros.agents.events import Sighting
 from are_ros.builder.certainty.false_alarms import FIRST_ID
 from are_ros.builder.certainty.perception import View
-from are_ros.builder.observation import Sighting
 from are_ros.population.artefact import Artefact
 from are_ros.world.boxes import OrientedBoxes
 from tests.builder.certainty.hall import detector, ns, room, scene, seeing, sight, view, walkers

@@ -56,6 +56,6 @@ def test_looks_detect_as_the_curve_says(rate_hz: int, fraction: float, range_m: 
     for k in range(looks):
         t_s = k / rate_hz
         seen = eye.observe(ns(t_s), scene(crowd, t_s), seeing(sights(crowd, fraction, range_m)))
-        found += sum(one.last_seen_ns == ns(t_s) for one in seen.artefacts)
+        found += sum(one.sighting.seen_ns == ns(t_s) for one in seen.artefacts)
     wanted = detection_probability(GOOD, fraction, range_m)
     assert binomtest(found, looks * len(crowd), wanted).pvalue > LEVEL

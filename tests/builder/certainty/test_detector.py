@@ -107,7 +107,7 @@ def test_the_list_is_of_the_newest_tick_that_is_old_enough(latency_s: float) -> 
         assert seen.stamp_ns == ns(0.1 * (k - ticks))
         places = [one.map_from_artefact.translation_m[:2] for one in seen.artefacts]
         np.testing.assert_array_equal(places, then.motions[:, :2])
-        assert {one.last_seen_ns for one in seen.artefacts} == {seen.stamp_ns}
+        assert {one.sighting.seen_ns for one in seen.artefacts} == {seen.stamp_ns}
 
 
 def test_no_list_is_of_before_the_beginning_of_time() -> None:
@@ -127,7 +127,7 @@ def test_a_track_coasts_and_is_given_up() -> None:
     for k in range(1, 11):
         seen = eye.observe(ns(0.1 * k), scene(crowd, 0.1 * k), seeing({}))
         (one,) = seen.artefacts
-        assert one.last_seen_ns == ns(0.0)
+        assert one.sighting.seen_ns == ns(0.0)
         assert one.pose_covariance[0] > variance
         variance = one.pose_covariance[0]
     assert eye.observe(ns(1.1), scene(crowd, 1.1), seeing({})).artefacts == ()

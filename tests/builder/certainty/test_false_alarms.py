@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from scipy.stats import chisquare, expon, kstest, poisson
 
+from are_ros.agents.events import Sighting
 from are_ros.builder.certainty.false_alarms import FIRST_ID, FalseAlarm, FalseAlarms
 from are_ros.builder.certainty.perception import View
-from are_ros.builder.observation import Sighting
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.model import CertaintyParameters
 from are_ros.population.mixture import TruncatedPoissonMixture

@@ -64,7 +64,7 @@ def test_errors_of_10000_sightings_follow_chi_square() -> None:
     places = {number: k for k, number in enumerate(truth.ids.tolist())}
     found = [squares(one, truth, places[one.artefact_id]) for one in perception.artefacts]
     assert len(found) > 9_000
-    assert 0.05 < np.mean([one.last_seen_ns < ns(0.3) for one in perception.artefacts]) < 0.5
+    assert 0.05 < np.mean([one.sighting.seen_ns < ns(0.3) for one in perception.artefacts]) < 0.5
     for values in zip(*found, strict=True):
         assert np.mean(values) == pytest.approx(3.0, abs=4.0 * math.sqrt(6.0 / len(found)))
         assert kstest(values, chi2(3).cdf).pvalue > LEVEL

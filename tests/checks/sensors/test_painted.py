@@ -339,7 +339,8 @@ def as_of(scene: Scene, stamp_ns: int) -> Scene:
 
 def seen(scene: TruthScene, k: int) -> Any:
     """Return what an observer without any uncertainty knows of one."""
-    from are_ros.builder.observation import Sighting, perceived_artefact
+    from are_ros.agents.events import Sighting
+    from are_ros.builder.observation import perceived_artefact
 
     return perceived_artefact(scene.state(k), Sighting(9, 10, (1, 2, 3, 4), 2.5))
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from are_ros.agents.events import PerceivedArtefact
+from are_ros.agents.events import PerceivedArtefact, Sighting
 from are_ros.bag.types import jazzy_typestore
 from are_ros.builder.rendering.painter import PaintedBody
 from are_ros.builder.scene import Scene
@@ -126,7 +126,7 @@ def perceived(number: int, classes: dict[str, float], existence: float) -> Perce
     pose, covariance = RigidTransform.planar(1.0, 2.0, 0.5, 0.4), tuple(map(float, range(36)))
     return PerceivedArtefact(
         number, "x", tuple(classes), tuple(classes.values()), pose, covariance, ROW.size_m, STILL,
-        STILL, CERTAIN, 9, 10, 0.9, 2.5, existence, (1, 2, 3, 4), 0,
+        STILL, CERTAIN, Sighting(9, 10, (1, 2, 3, 4), 2.5), existence,
     )  # fmt: skip
 
 
