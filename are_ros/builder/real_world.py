@@ -43,12 +43,13 @@ class RealWorld:
         notices: list[str] | None = None,
     ) -> None:
         self.environment: Environment | None = None
+        self.grid: OccupancyGrid | None = None
+        """The newest map, None before the first."""
         self.notices: list[str] = [] if notices is None else notices
         self.dropped = ""
         self._parameters = parameters
         self._map_frame = map_frame
         self._frames = frames
-        self._grid: OccupancyGrid | None = None
         self._voxels: VoxelMap | None = None
         self._last_cloud: _Cloud | None = None
         self._pending_cloud: _Cloud | None = None
@@ -57,24 +58,19 @@ class RealWorld:
         self._is_apart = False
 
     @property
-    def grid(self) -> OccupancyGrid | None:
-        """The newest map, None before the first."""
-        return self._grid
-
-    @property
     def has_free_cells(self) -> bool:
         """Whether there is a map with a free cell: without one no artefact can arrive."""
         return self.environment is not None and bool(self.environment.classes.free.any())
 
     def set_grid(self, grid: OccupancyGrid) -> None:
         """Take a map; one equal to the last changes nothing but its stamp."""
-        if self._grid is None or not self._grid.is_same_map(grid):
+        if self.grid is None or not self.grid.is_same_map(grid):
             had_room = self.has_free_cells
             self.environment = self._built(grid, self._voxels)
             self._note_apart(grid, self._voxels)
-            if not self.has_free_cells and (had_room or self._grid is None):
+            if not self.has_free_cells and (had_room or self.grid is None):
                 self.notices.append(self._no_free_cell(grid))
-        self._grid = grid
+        self.grid = grid
 
     def _no_free_cell(self, grid: OccupancyGrid) -> str:
         unknown = np.count_nonzero(grid.cells < 0)
@@ -156,9 +152,9 @@ class RealWorld:
         if voxels.cloud_voxel_m is not None and voxels.cloud_voxel_m != self._coarsened_m:
             self.notices.append(_said_of_size(voxels, voxels.cloud_voxel_m))
         self._coarsened_m = voxels.cloud_voxel_m
-        if self._grid is not None:
-            self.environment = self._built(self._grid, voxels)
-            self._note_apart(self._grid, voxels)
+        if self.grid is not None:
+            self.environment = self._built(self.grid, voxels)
+            self._note_apart(self.grid, voxels)
         self._voxels, self._pending_cloud = voxels, None
         self._map_from_cloud = map_from_cloud
 
