@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from are_ros.agents.collisions import CollisionResolver, ContactPolicy, Displace, Hold, Remove
@@ -71,15 +72,14 @@ def default_camera(parameters: Parameters) -> Camera:
     if len(camera.mount) != len(("x", "y", "z", "yaw", "pitch", "roll")):
         raise ParameterError(f"parameter 'camera.mount': {len(camera.mount)} numbers, not 6")
     mounted = mounted_camera(view_of_parameters(camera), camera.mount)
-    return Camera(mounted.view, camera.frame, mounted.base_from_optical)
+    return replace(mounted, frame_id=camera.frame)
 
 
 def chosen_camera(parameters: Parameters, received: Camera) -> Camera:
     """Return the camera to use when CameraInfo says `received`."""
     if parameters.camera.model is not CameraModel.AUTO:
         return default_camera(parameters)
-    frame_id = parameters.camera.frame or received.frame_id
-    return Camera(received.view, frame_id, received.base_from_optical)
+    return replace(received, frame_id=parameters.camera.frame or received.frame_id)
 
 
 def collision_resolver(parameters: Parameters) -> CollisionResolver:
