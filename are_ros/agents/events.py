@@ -131,11 +131,7 @@ class PredictedPath:
 
 @dataclass(frozen=True)
 class SceneMetrics:
-    """Counts since the start, and the measures of section 4 at one tick (are_msgs/SceneMetrics).
-
-    `clutter_ratio` is nu of Eq. 4; `rho` is that of Eq. 3: NaN, as the planning
-    time is not known here.
-    """
+    """Counts since the start, and clutter, nu of Eq. 4, at one tick (are_msgs/SceneMetrics)."""
 
     alive: int
     perceived: int
@@ -146,4 +142,3 @@ class SceneMetrics:
     robot_contacts: int
     area_m2: float
     clutter_ratio: float
-    rho: float

@@ -336,7 +336,6 @@ class ArBuilder(Simulation):
             robot_contacts=self.lives.crowd.contacts.count,
             area_m2=self.lives.area_m2,
             clutter_ratio=self._clutter_ratio,
-            rho=_NAN,
         )
 
     def _draw(self, now_ns: int, scene: Scene, perception: Perception) -> MarkerBatch:

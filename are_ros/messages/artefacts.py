@@ -1,5 +1,6 @@
 """The artefacts, those perceived, events and metrics as the bytes of their messages."""
 
+import math
 from collections.abc import Sequence
 from struct import Struct
 from typing import Final, NamedTuple
@@ -150,7 +151,7 @@ def encode_event(frame_id: str, event: ArtefactEvent) -> bytes:
 
 
 def encode_metrics(frame_id: str, stamp_ns: int, metrics: SceneMetrics) -> bytes:
-    """Return an are_msgs/SceneMetrics."""
+    """Return an are_msgs/SceneMetrics; rho of Eq. 3 is NaN: the planning time is not known here."""
     writer = CdrWriter()
     writer.header(frame_id, stamp_ns)
     writer.count(metrics.alive)
@@ -164,7 +165,7 @@ def encode_metrics(frame_id: str, stamp_ns: int, metrics: SceneMetrics) -> bytes
         metrics.displaced,
         metrics.robot_contacts,
     )
-    writer.doubles(metrics.area_m2, metrics.clutter_ratio, metrics.rho)
+    writer.doubles(metrics.area_m2, metrics.clutter_ratio, math.nan)
     return writer.message()
 
 

@@ -47,7 +47,7 @@ _WAITING_TICKS: Final = 20
 LATEST_TICKS: Final = 1200
 """A list of the perceived comes at most so much later: 10 s of latency at 100 Hz, and some."""
 _WAITING_SCANS: Final = 40
-_NO_METRICS: Final = SceneMetrics(0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, float("nan"))
+_NO_METRICS: Final = SceneMetrics(0, 0, 0, 0, 0, 0, 0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)

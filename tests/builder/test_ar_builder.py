@@ -74,7 +74,6 @@ def test_a_tick_without_any_input_says_that_nothing_is_known(make_scene: Make) -
     assert tick.grids.augmented_map is None
     assert tick.metrics.area_m2 == 0.0
     assert np.isnan(tick.metrics.clutter_ratio)
-    assert np.isnan(tick.metrics.rho)
     assert tick.frame_id == "map"
 
 

@@ -102,7 +102,7 @@ def run(
         lives=tuple(lives),
         events=tuple(events),
         series=TickSeries(stamps, zeros.copy(), zeros.copy(), zeros.astype(float), 0),
-        metrics=SceneMetrics(count, 0, count, 0, 0, 0, 0, 1.0, 0.0, math.nan),
+        metrics=SceneMetrics(count, 0, count, 0, 0, 0, 0, 1.0, 0.0),
     )
 
 

@@ -75,7 +75,7 @@ def _record(
         lives=tuple(lives),
         events=(),
         series=TickSeries(stamps.copy(), zeros.copy(), zeros.copy(), zeros.astype(float), 0),
-        metrics=SceneMetrics(arrived, 0, arrived, 0, 0, 0, 0, 1.0, 0.0, math.nan),
+        metrics=SceneMetrics(arrived, 0, arrived, 0, 0, 0, 0, 1.0, 0.0),
     )
 
 

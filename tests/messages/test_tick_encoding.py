@@ -45,7 +45,7 @@ SEEN = PerceivedArtefact(
     1, "box", ("things",), (1.0,), POSE, CERTAIN, (0.5, 0.4, 0.8), STILL, STILL, CERTAIN,
     Sighting(9, 10, (1, 2, 3, 4), 2.5, 90 * MS), 1.0,
 )  # fmt: skip
-METRICS = SceneMetrics(1, 0, 2, 1, 0, 0, 0, 12.5, 0.25, float("nan"))
+METRICS = SceneMetrics(1, 0, 2, 1, 0, 0, 0, 12.5, 0.25)
 CELLS = np.array([[0, 100], [-1, 0]], np.int8)
 GRID = OccupancyGrid(CELLS, 0.5, RigidTransform.identity(), "earth", 80 * MS)
 UPDATE = GridUpdate("earth", 80 * MS, ChangedRectangle(0, 0, 2, 2), CELLS)

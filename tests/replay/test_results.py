@@ -58,7 +58,7 @@ def _record(ticks: int = 3) -> SceneRecord:
         lives=lives if ticks else (),
         events=events if ticks else (),
         series=TickSeries(stamps, counts, counts.copy(), clutter, 1 if ticks else 0),
-        metrics=SceneMetrics(1, 0, 2, 1, 1, 0, 0, math.nan, 0.2, math.nan) if ticks else None,
+        metrics=SceneMetrics(1, 0, 2, 1, 1, 0, 0, math.nan, 0.2) if ticks else None,
     )
 
 

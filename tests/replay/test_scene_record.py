@@ -51,7 +51,7 @@ def _tick(
     sighting = replace(SEEN, seen_ns=stamp_ns)
     observation = Observation(base, base, dict.fromkeys(seen, sighting))
     clutter = 0.25 * len(scene)
-    metrics = SceneMetrics(len(scene), len(seen), 2, 0, 0, 0, 0, 10.0, clutter, math.nan)
+    metrics = SceneMetrics(len(scene), len(seen), 2, 0, 0, 0, 0, 10.0, clutter)
     return Tick(
         stamp_ns=stamp_ns,
         frame_id="map",

@@ -26,7 +26,7 @@ from are_ros.world.occupancy_grid import OccupancyGrid
 from are_ros.world.rigid_transform import RigidTransform
 
 MS = 1_000_000
-METRICS = SceneMetrics(1, 0, 2, 1, 0, 0, 0, 12.5, 0.25, float("nan"))
+METRICS = SceneMetrics(1, 0, 2, 1, 0, 0, 0, 12.5, 0.25)
 
 
 ROW = CatalogueRow(
