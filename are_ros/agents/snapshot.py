@@ -46,7 +46,7 @@ class AgentSnapshot:
 
     def neighbour(self, artefact_id: int) -> Neighbour | None:
         """Return an artefact that is alive, None if it is not."""
-        index = self.index_of(artefact_id)
+        index = int(self._ids.searchsorted(artefact_id))
         if index == len(self._ids) or self._ids[index] != artefact_id:
             return None
         return self.neighbour_at(index)
@@ -70,10 +70,6 @@ class AgentSnapshot:
             return ()
         nearest: list[int] = self._nearest_places(group, places)[found].tolist()
         return nearest
-
-    def index_of(self, artefact_id: int) -> int:
-        """Return the index of an artefact that is in the arrays."""
-        return int(self._ids.searchsorted(artefact_id))
 
     def indices_of(self, artefact_ids: Sequence[int]) -> list[int]:
         """Return the indices of artefacts that are in the arrays."""

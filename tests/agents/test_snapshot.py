@@ -148,7 +148,7 @@ def minded(
 def test_others_are_minded_where_they_will_be(robot: Robot) -> None:
     """All but oneself who are near now, the nearest first; then the robot, if there is one."""
     view, _, numbers = crowd(300)
-    index = view.index_of(30)
+    (index,) = view.indices_of([30])
     found = minded(view, index, robot)
     away = np.hypot(*(numbers[:, :2] - numbers[index, :2]).T)
     near = [i for i in np.argsort(away).tolist() if i != index and away[i] <= MINDED_M]
