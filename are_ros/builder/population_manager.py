@@ -29,7 +29,7 @@ from are_ros.agents.table import AgentTable
 from are_ros.builder.files.scenario_file import read_scenario
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.scene import Scene
-from are_ros.builder.spawning.spawner import OutOfView, Spawning
+from are_ros.builder.spawning.spawner import OutOfView, Spawning, check_zones
 from are_ros.conventions import IDLE_NS, seconds_to_ns
 from are_ros.errors import BehaviourError, CatalogueError, PlacementError, ScenarioError
 from are_ros.parameters.choices import Initial, Leave
@@ -291,7 +291,7 @@ class PopulationManager:
 
         Raises ParameterError where the mixture is bad, or the zones are lacking.
         """
-        self._spawning.check(parameters)
+        check_zones(parameters, self._spawning.zones)
         return mixture_of(parameters, self._catalogue)
 
     def place(

@@ -125,15 +125,11 @@ class Spawning:
     def reconfigure(self, parameters: Parameters) -> None:
         """Use other distances, and another way to appear, from now on; region and zones stay.
 
-        Raises ParameterError as `check`, and changes nothing then.
+        Raises ParameterError as `check_zones`, and changes nothing then.
         """
-        self.check(parameters)
+        check_zones(parameters, self.zones)
         self._population = parameters.population
         self._clearance_m = parameters.robot.clearance
-
-    def check(self, parameters: Parameters) -> None:
-        """Raise ParameterError if artefacts shall appear in zones and there is none."""
-        check_zones(parameters, self.zones)
 
     @property
     def area_m2(self) -> float:
