@@ -170,10 +170,10 @@ class InputSubscription:
     ) -> None:
         self._node, self._role, self._topic = node, role, topic or INPUTS[role].topic or role
         self._callback, self._options = callback, options
-        name = node.resolve_topic_name(self._topic)
-        override = f"qos_overrides.{name}.subscription.durability"
-        is_chosen = override in node._parameter_overrides  # noqa: SLF001 - it has no other name
+        is_chosen = self._override("durability") is not None
         self._follows = INPUTS[role].follows and not is_chosen
+        if self._follows:
+            self._check_reliability()
         self.is_latched = INPUTS[role].is_latched or INPUTS[role].is_first_latched
         """Whether it gets what was latched before."""
         self.subscription = self._subscribed()
@@ -188,6 +188,19 @@ class InputSubscription:
         self.is_latched = is_latched
         self._node.destroy_subscription(self.subscription)
         self.subscription = self._subscribed()
+
+    def _check_reliability(self) -> None:
+        """Refuse an override without sense now: a latched subscription does not look at it."""
+        value = self._override("reliability")
+        if value is not None and str(value).upper() not in ReliabilityPolicy.__members__:
+            reason = f"Unexpected QoS override for policy `reliability`: `{value}`"
+            raise ParameterError(f"topic '{self._topic}' with its qos_overrides: {reason}")
+
+    def _override(self, policy: str) -> Any:
+        """Return the value that a parameter gives a policy, None if there is none."""
+        name = f"qos_overrides.{self._node.resolve_topic_name(self._topic)}.subscription.{policy}"
+        given = self._node._parameter_overrides.get(name)  # noqa: SLF001 - it has no other name
+        return None if given is None else given.value
 
     def _subscribed(self) -> Any:
         options = self._options

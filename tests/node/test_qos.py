@@ -226,6 +226,18 @@ def test_what_was_latched_comes_to_a_subscription_that_follows(ros: RosWorld, ro
     assert [one.qos_profile.reliability for one in found] == [ReliabilityPolicy.RELIABLE]
 
 
+@pytest.mark.parametrize("role", [role for role, entry in INPUTS.items() if entry.follows])
+@pytest.mark.parametrize("value", ["utmost", 3])
+def test_a_reliability_without_sense_is_refused_at_once(
+    ros: RosWorld, role: str, value: object
+) -> None:
+    """Not only when a publisher comes that does not latch: the node ended while it ran."""
+    override = {"qos_overrides./some.subscription.reliability": value}
+    node = ros.make_node("ar_builder", parameters=override)
+    with pytest.raises(ParameterError, match=f"topic '/some' with its qos_overrides: .*{value}"):
+        InputSubscription(node, role, print, "/some")
+
+
 @pytest.mark.parametrize("role", ["map", "tf_static"])
 def test_what_is_usually_latched_comes_also_from_publishers_that_do_not(
     ros: RosWorld, role: str
