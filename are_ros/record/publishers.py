@@ -89,8 +89,8 @@ _ADDING_TYPES: Final = (*TF_TYPES, "rcl_interfaces/msg/Log")
 class PlayedTopics:
     """Publishes recorded messages; topics whose type is not installed are skipped, with a reason.
 
-    Quality of service is as recorded, but the topics `lasting` are latched, which serves whoever
-    asks for less, too; in lockstep all publishers are reliable.
+    Quality of service is as recorded, but the topics `lasting` are latched, reliably, which serves
+    whoever asks for less, too; in lockstep all publishers are reliable.
     """
 
     def __init__(
@@ -110,8 +110,10 @@ class PlayedTopics:
         self._unacknowledged: set[str] = set()
         for recorded in reader.topics:
             if recorded.count and options.is_chosen(recorded.name):
-                is_latched = recorded.is_latched or recorded.name in lasting
-                self._open(node, replace(recorded, is_latched=is_latched), options, say)
+                topic = recorded
+                if topic.name in lasting:  # reliably, too: by best effort who is late gets nothing
+                    topic = replace(recorded, is_latched=True, is_reliable=True)
+                self._open(node, topic, options, say)
 
     def publish(self, message: BagMessage) -> None:
         """Send a message; one of ROS 1 that cannot be understood is counted as skipped.

@@ -102,8 +102,9 @@ def test_quality_of_service_is_as_recorded(ros: RosWorld, tmp_path: Path) -> Non
     }
 
 
+@pytest.mark.parametrize("is_best_effort", [False, True])
 def test_maps_and_static_transforms_are_latched_however_they_were_recorded(
-    ros: RosWorld, tmp_path: Path
+    ros: RosWorld, tmp_path: Path, *, is_best_effort: bool
 ) -> None:
     """As in a recording without quality of service, or a ROS 1 one that was filtered."""
     factory = RosbagsFactory()
@@ -111,8 +112,10 @@ def test_maps_and_static_transforms_are_latched_however_they_were_recorded(
     statics = ("/tf_static", "/robot/tf_static")
     records = [("/map", 0.0, grid), ("/a", NEVER_S, factory.make(STRING, data="x"))]
     records += [(topic, 0.0, transforms(factory, "lidar")) for topic in statics]
-    bag = write_messages(tmp_path / "bag.mcap", records)
-    node, topics = ros.make_node("listener"), ("/map", *statics)
+    topics = ("/map", *statics)
+    best_effort = topics if is_best_effort else ()
+    bag = write_messages(tmp_path / "bag.mcap", records, best_effort=best_effort)
+    node = ros.make_node("listener")
     with playing(bag), ros.spinning():
         ros.spin_until(lambda: all(offers(node, topic) for topic in topics))
         found = [offers(node, topic) for topic in topics]
