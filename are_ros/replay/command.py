@@ -22,7 +22,7 @@ from are_ros.describe.configuration import describe_lines
 from are_ros.describe.site import Site, surveyed
 from are_ros.draw.overview import draw_overview
 from are_ros.draw.viewer import MISSING_VISER, has_viser, write_view
-from are_ros.errors import AreError, MapError
+from are_ros.errors import AreError, MapError, ParameterError
 from are_ros.messages.sensors import SENSORS, noun_of
 from are_ros.parameters.declaration import flatten, with_values
 from are_ros.parameters.model import Parameters, SensorsParameters
@@ -319,6 +319,9 @@ def describe_command(
     for line in describe_lines(parameters, catalogue, site, scenario, everything=everything):
         echo(line)
     if plot_path is not None:
+        if not scenario.random:
+            file = parameters.population.scenario
+            raise ParameterError(f"{file} has random: false: no random arrival is there to plot")
         echo(f"\npicture: {plot_population(parameters, catalogue, site, plot_path)}")
 
 

@@ -16,7 +16,7 @@ from are_ros.describe import population_trial
 from are_ros.describe.population_trial import Trial, run_trial
 from are_ros.describe.site import Site, surveyed
 from are_ros.draw.plots import appeared_text, draw_trial
-from are_ros.errors import InputError
+from are_ros.errors import InputError, ParameterError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue, CatalogueRow
@@ -198,3 +198,14 @@ def test_describe_says_where_the_picture_is(tmp_path: Path) -> None:
     said.clear()
     describe_command(said.append, None, (), (), 3)
     assert not any("picture" in line for line in said)
+
+
+def test_arrivals_that_a_scenario_forbids_are_not_drawn(tmp_path: Path) -> None:
+    """The description beside the picture has none, either."""
+    path, said = tmp_path / "scenario.yaml", list[str]()
+    path.write_text("scenario: {random: false}\nartefacts: []\n")
+    wanted = [f"population.scenario:={path}"]
+    with pytest.raises(ParameterError, match="has random: false: no random arrival is there"):
+        describe_command(said.append, None, (), wanted, 3, tmp_path / "plots")
+    assert "  arrivals       none" in said
+    assert not (tmp_path / "plots").exists()
