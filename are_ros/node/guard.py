@@ -46,8 +46,12 @@ class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
         self._is_standing_in = False
         grid = self._grid = message_class(_MAP_TYPE)
         self._publishers_of_maps = self._advertise()
+        # Without a callback rclpy warns of a map that the other subscription gets.
+        events = SubscriptionEventCallbacks(incompatible_qos=lambda _: None)
         for profile in (_LATCHED, _AS_IT_COMES):
-            self.create_subscription(grid, "map", self._take_map, profile, raw=True)
+            self.create_subscription(
+                grid, "map", self._take_map, profile, raw=True, event_callbacks=events
+            )
         self._confirmation = self.create_timer(
             _GRACE_S, self._stand_in, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )

@@ -134,19 +134,12 @@ def advertise(
     return _created(node.create_publisher, type_name, topic, qos_profile=profile, **options)
 
 
-def is_latched_by_all(node: Node, topic: str) -> bool | None:
-    """Return whether all publishers of a topic latch, reliably; None while there is none.
+def _latching(node: Node, topic: str) -> list[bool]:
+    """Return of each publisher of a topic whether it latches, reliably.
 
     A latched subscription gets nothing from a publisher that does not latch, and another one gets
-    nothing that was latched before: an input that comes either way has to follow its publishers.
-    Nor does one of them get that by best effort.
+    nothing that was latched before. Nor does one of them get that by best effort.
     """
-    latching = _latching(node, topic)
-    return all(latching) if latching else None
-
-
-def _latching(node: Node, topic: str) -> list[bool]:
-    """Return of each publisher of a topic whether it latches, reliably."""
     latched = DurabilityPolicy.TRANSIENT_LOCAL, ReliabilityPolicy.RELIABLE
     offers = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
     profiles = [offer.qos_profile for offer in offers]

@@ -22,7 +22,6 @@ from are_ros.node.qos import (
     InputSubscription,
     advertise,
     input_qos,
-    is_latched_by_all,
     output_qos,
     subscribe,
 )
@@ -193,18 +192,17 @@ def test_an_input_can_follow_its_publishers(ros: RosWorld) -> None:
     """It may be latched only if all of them are, and changes when it is subscribed again."""
     role = "octomap_point_cloud_centers"
     node, first, second = (ros.make_node(name) for name in ("ar_builder", "first", "second"))
-    found = [is_latched_by_all(node, role)]
-    kind = message_class(INPUTS[role].type_name)
+    subscription = InputSubscription(node, role, print)
+    kind, found = message_class(INPUTS[role].type_name), []
     for index, publisher_node in enumerate((first, second)):
         profile = input_qos("map" if index == 0 else "scan")
         publisher_node.create_publisher(kind, role, profile)
         ros.spin_until(partial(has_publishers, node, role, index + 1))
-        found.append(is_latched_by_all(node, role))
-        asked = input_qos("map" if found[-1] else role)
-        subscription = subscribe(node, role, print, qos_profile=asked)
-        assert (subscription.qos_profile.durability == LATCHED) == found[-1]
-        node.destroy_subscription(subscription)
-    assert found == [None, True, False]
+        subscription.follow()
+        found.append(subscription.is_latched)
+        durability = subscription.subscription.qos_profile.durability
+        assert (durability == LATCHED) == found[-1]
+    assert found == [True, False]
 
 
 @pytest.mark.parametrize("role", [role for role, entry in INPUTS.items() if entry.follows])
@@ -283,10 +281,12 @@ def test_publishers_that_latch_by_best_effort_are_followed_as_if_they_did_not(
     """A subscription that gets what was latched is reliable: they would not serve it."""
     node, other = ros.make_node("ar_builder"), ros.make_node("other")
     profile = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT, durability=LATCHED)
+    subscription = InputSubscription(node, "camera/camera_info", print, "info")
     kind = message_class(INPUTS["camera/camera_info"].type_name)
     other.create_publisher(kind, "info", profile)
     ros.spin_until(partial(has_publishers, node, "info", 1))
-    assert is_latched_by_all(node, "info") is False
+    subscription.follow()
+    assert not subscription.is_latched
 
 
 def endpoints(node: Any, topic: str) -> list[Any]:
