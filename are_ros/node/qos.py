@@ -161,7 +161,8 @@ class InputSubscription:
         topic: str = "",
         **options: Any,
     ) -> None:
-        self._node, self._role, self._topic = node, role, topic or INPUTS[role].topic or role
+        self._node, self._role = node, role
+        self.topic = topic or INPUTS[role].topic or role
         self._callback, self._options = callback, options
         is_chosen = self._override("durability") is not None
         self._follows = INPUTS[role].follows and not is_chosen
@@ -173,7 +174,7 @@ class InputSubscription:
 
     def follow(self) -> None:
         """Subscribe anew if the publishers of an input that follows them latch otherwise."""
-        latching = _latching(self._node, self._topic) if self._follows else []
+        latching = _latching(self._node, self.topic) if self._follows else []
         is_usual = INPUTS[self._role].is_latched
         is_latched = any(latching) if is_usual else all(latching)
         if not latching or is_latched == self.is_latched:
@@ -187,11 +188,11 @@ class InputSubscription:
         value = self._override("reliability")
         if value is not None and str(value).upper() not in ReliabilityPolicy.__members__:
             reason = f"Unexpected QoS override for policy `reliability`: `{value}`"
-            raise ParameterError(f"topic '{self._topic}' with its qos_overrides: {reason}")
+            raise ParameterError(f"topic '{self.topic}' with its qos_overrides: {reason}")
 
     def _override(self, policy: str) -> Any:
         """Return the value that a parameter gives a policy, None if there is none."""
-        name = f"qos_overrides.{self._node.resolve_topic_name(self._topic)}.subscription.{policy}"
+        name = f"qos_overrides.{self._node.resolve_topic_name(self.topic)}.subscription.{policy}"
         given = self._node._parameter_overrides.get(name)  # noqa: SLF001 - it has no other name
         return None if given is None else given.value
 
@@ -201,7 +202,7 @@ class InputSubscription:
             # Without a callback rclpy warns; `follow` adapts the subscription.
             events = SubscriptionEventCallbacks(incompatible_qos=lambda _: None)
             options = {**options, "qos_profile": self._profile(), "event_callbacks": events}
-        return subscribe(self._node, self._role, self._callback, self._topic, **options)
+        return subscribe(self._node, self._role, self._callback, self.topic, **options)
 
     def _profile(self) -> QoSProfile:
         entry = INPUTS[self._role]

@@ -3,14 +3,14 @@
 import queue
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import Any, Final
 
 import numpy as np
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
+from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import qos_profile_parameter_events
 
@@ -28,6 +28,7 @@ from are_ros.draw.viewer import (
 )
 from are_ros.errors import AreError, NodeError
 from are_ros.messages.feed import OTHER_CAMERA
+from are_ros.messages.images.image import camera_info_topic
 from are_ros.messages.sensors import sensor_outputs
 from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.node.message_classes import message_class, service_class
@@ -115,6 +116,14 @@ class RemoteNode:
         """Return the full name of a topic in the node's namespace."""
         return name if name.startswith("/") else f"{self.namespace}/{name}"
 
+    def heard(self) -> dict[str, str]:
+        """Return the topics that the node subscribes to, as remapped, and their types."""
+        try:
+            found = self.node.get_subscriber_names_and_types_by_node(_NODE, self.namespace or "/")
+        except NodeNameNonExistentError:
+            return {}
+        return {topic: types[0] for topic, types in found}
+
     def ask(self, service: str, type_name: str, *, attempts: int = _ATTEMPTS, **fields: Any) -> Any:
         """Return the answer of one of the node's services. Raises NodeError if none comes.
 
@@ -195,7 +204,7 @@ class LiveView:
         self._count = 0
         self._heard_s = self._followed_s = time.monotonic()
         self._is_silent = False
-        self._inputs: list[InputSubscription] = []
+        self._inputs: dict[tuple[str, str], InputSubscription] = {}
         self.sliders: dict[str, Any] = {}
         """The handles of the sliders, by the paths of their parameters."""
         self._reader = SceneReader(parameters, self._show, has_camera_info=True, is_live=True)
@@ -210,8 +219,7 @@ class LiveView:
         """Follow the publishers, carry out the browser's requests, and show the answers there."""
         if time.monotonic() - self._followed_s > _FOLLOW_S:
             self._followed_s = time.monotonic()
-            for one in self._inputs:
-                one.follow()
+            self._follow_inputs()
         if self.ticks and not self._is_silent and time.monotonic() - self._heard_s > _SILENCE_S:
             self._is_silent = True
             self.counts.content = (
@@ -232,18 +240,8 @@ class LiveView:
 
     def _subscribe(self) -> None:
         node, remote = self._remote.node, self._remote
+        self._follow_inputs()
         scans = [remote.topic(name) for name in self._parameters.sensors.scans]
-        topics = [*((role, remote.topic(role)) for role in _INPUTS), *(("scan", t) for t in scans)]
-        # Robots of their own namespaces have a /tf in common, or each its own.
-        places = dict.fromkeys(("", remote.namespace))
-        transforms = [(role, f"{place}/{role}") for role in ("tf", "tf_static") for place in places]
-        for role, topic in (*transforms, *topics):
-            callback = self._callback(role, INPUTS[role].type_name)
-            self._inputs.append(InputSubscription(node, role, callback, topic))
-        for topic, role in other_camera_roles(self._parameters).items():
-            callback = self._callback(role, INPUTS[OTHER_CAMERA].type_name)
-            one = InputSubscription(node, OTHER_CAMERA, callback, remote.topic(topic))
-            self._inputs.append(one)
         outputs = {name: (name, OUTPUTS[name].type_name) for name in ("artefacts", "perceived")}
         for name in sensor_outputs(dict.fromkeys(scans, "scan")).values():
             outputs[name] = (AUGMENTED_SCAN, INPUTS["scan"].type_name)
@@ -253,6 +251,32 @@ class LiveView:
         events = message_class("rcl_interfaces/msg/ParameterEvent")
         qos = qos_profile_parameter_events
         node.create_subscription(events, "/parameter_events", self._follow, qos)
+
+    def _follow_inputs(self) -> None:
+        """Listen where the node listens, to what publishers offer there."""
+        node, wanted = self._remote.node, self._wanted()
+        for (role, name), topic in remapped(wanted, self._remote.heard()).items():
+            listening = self._inputs.get((role, name))
+            if listening is not None and listening.topic != topic:
+                node.destroy_subscription(listening.subscription)
+                listening = None
+            if listening is None:
+                input_role = wanted[role, name]
+                callback = self._callback(role, INPUTS[input_role].type_name)
+                listening = InputSubscription(node, input_role, callback, topic)
+                self._inputs[role, name] = listening
+            listening.follow()
+
+    def _wanted(self) -> dict[tuple[str, str], str]:
+        """Return the roles in `INPUTS` of what is shown, by its own role and its topic."""
+        remote, scans = self._remote, self._parameters.sensors.scans
+        # Robots of their own namespaces have a /tf in common, or each its own.
+        places = dict.fromkeys(("", remote.namespace))
+        wanted = {(role, f"{at}/{role}"): role for role in ("tf", "tf_static") for at in places}
+        wanted |= {(role, remote.topic(role)): role for role in _INPUTS}
+        wanted |= {("scan", remote.topic(name)): "scan" for name in scans}
+        cameras = other_camera_roles(self._parameters).items()
+        return wanted | {(role, remote.topic(topic)): OTHER_CAMERA for topic, role in cameras}
 
     def _callback(self, role: str, type_name: str) -> Callable[[Any], None]:
         """Return the callback for a role; a message that is refused is not shown."""
@@ -430,6 +454,27 @@ class LiveView:
         kind = "are_msgs/srv/SpawnArtefact"
         answer = self._remote.ask("spawn", kind, attempts=1, pose=pose, label=label)
         return str(answer.message)
+
+
+def remapped(
+    wanted: Mapping[tuple[str, str], str], heard: Mapping[str, str]
+) -> dict[tuple[str, str], str]:
+    """Return where each of the wanted inputs is, given what the node subscribes to.
+
+    One that the node does not hear is remapped, if the node hears just one other topic of its type:
+    but for the CameraInfo of its images, where it hears more.
+    """
+    named, found = {name for _, name in wanted}, {key: key[1] for key in wanted}
+    kinds = {key: INPUTS[input_role].type_name for key, input_role in wanted.items()}
+    beside_images = {camera_info_topic(name) for name in heard if heard[name].endswith("Image")}
+    for kind in set(kinds.values()):
+        lost = [key for key in wanted if kinds[key] == kind and key[1] not in heard]
+        others = [name for name in heard if heard[name] == kind and name not in named]
+        if len(others) > 1:
+            others = [name for name in others if name not in beside_images]
+        if len(lost) == len(others) == 1:
+            found[lost[0]] = others[0]
+    return found
 
 
 def slider_range(item: Description, value: float) -> tuple[float, float, float]:

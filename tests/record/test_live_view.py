@@ -19,9 +19,10 @@ from are_ros.errors import NodeError
 from are_ros.node.startup import executor_of, ros_session
 from are_ros.parameters.declaration import describe
 from are_ros.parameters.model import Parameters
-from are_ros.record.live_view import LiveView, RemoteNode, slider_range
+from are_ros.record.live_view import LiveView, RemoteNode, remapped, slider_range
 from tests.record.live_runs import SAMPLE
 
+INFO, IMAGE = "sensor_msgs/msg/CameraInfo", "sensor_msgs/msg/CompressedImage"
 needs_viser = pytest.mark.skipif(not has_viser(), reason=MISSING_VISER)
 
 
@@ -117,6 +118,44 @@ def test_a_robot_may_have_a_namespace_and_its_transforms_there(ros_available: No
                 looking(),
             ):
                 pass
+
+
+@needs_viser
+def test_what_the_node_hears_by_other_names_is_shown(ros_available: None) -> None:
+    """Map, scan, odometry and camera are remapped, as robots have names of their own."""
+    del ros_available
+    topics = {
+        "/map": "/world/map",
+        "/scan": "/front/scan",
+        "/odom": "/wheels/odom",
+        "/camera/camera_info": "/eye/info",
+    }
+    node = ["node", "--params", SAMPLE.with_suffix(".yaml"), "--use-sim-time", "--ros-args"]
+    node += [word for pair in topics.items() for word in ("-r", ":=".join(pair))]
+    play = ["play", SAMPLE, "--loop", "--wait-for", "/ar_builder"]
+    play += [word for pair in topics.items() for word in ("--remap", ":=".join(pair))]
+    with running(*node), running(*play), looking() as (live, _, until):
+        until(lambda: any(tick.scans for tick in live.ticks))
+        until(lambda: any(tick.map_from_camera is not None for tick in live.ticks))
+        assert live._scene is not None, "the map has come"
+
+
+@pytest.mark.parametrize(
+    ("heard", "at"),
+    [
+        ({}, "/camera/camera_info"),
+        ({"/eye/camera_info": INFO}, "/eye/camera_info"),
+        ({"/eye/camera_info": INFO, "/eye/image": IMAGE}, "/eye/camera_info"),
+        ({"/eye/info": INFO, "/camera_info": INFO, "/image": IMAGE}, "/eye/info"),
+        ({"/eye/info": INFO, "/ear/info": INFO}, "/camera/camera_info"),
+        ({"/eye/info": INFO, "/camera/camera_info": INFO}, "/camera/camera_info"),
+    ],
+)
+def test_a_remapped_input_is_found_where_it_is_clear(heard: dict[str, str], at: str) -> None:
+    """By its type; the CameraInfo of images is another one, but where there is no more."""
+    camera, scan = ("camera/camera_info", "/camera/camera_info"), ("scan", "/scan")
+    wanted = {camera: "camera/camera_info", scan: "scan"}
+    assert remapped(wanted, heard) == {camera: at, scan: "/scan"}
 
 
 @needs_viser
