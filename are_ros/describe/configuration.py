@@ -43,14 +43,16 @@ def describe_lines(
 ) -> list[str]:
     """Return the description, line by line; figures are for a site, or else for 100 m^2.
 
-    `scenario` is the one that the parameters name. Rows of the catalogue are summed up by class,
-    unless `everything` is asked for. Raises ParameterError where the mixture does not fit the
-    catalogue.
+    `scenario` is the one that the parameters name, if any. Rows of the catalogue are summed up by
+    class, unless `everything` is asked for. Raises ParameterError where the mixture does not fit
+    the catalogue.
     """
     law = mixture_of(parameters, catalogue)
     probabilities = law.probabilities()
     lines = [
-        *population_lines(parameters, probabilities, catalogue, site or Site(), scenario),
+        *population_lines(
+            parameters, probabilities, catalogue, site or Site(), scenario or Scenario()
+        ),
         *mixture_lines(law, catalogue),
         *class_lines(probabilities, catalogue),
         *behaviour_lines(probabilities, catalogue, of_rows=everything),
@@ -148,14 +150,14 @@ def population_lines(
     probabilities: Numbers,
     catalogue: Catalogue,
     site: Site,
-    scenario: Scenario | None = None,
+    scenario: Scenario,
 ) -> list[str]:
     """Return arrivals per minute, lives, and the law of the number alive at a site.
 
     The law is that of random arrivals: without those of a scenario.
     """
     settings = parameters.population
-    if scenario is not None and not scenario.random:
+    if not scenario.random:
         settings = replace(settings, arrival_rate=0.0)
     chain = BirthDeath.of(settings, site.area_m2, staying_share(probabilities, catalogue, site))
     where = f"on {site.area_m2:.4g} m^2" + ("" if site.survey else " (no map is given)")
@@ -216,9 +218,9 @@ def _arrivals_text(settings: PopulationParameters, groups_per_s: float) -> str:
     return f"{per_minute:.3g} {noun} per minute, {every}"
 
 
-def _scenario_rows(scenario: Scenario | None) -> list[tuple[str, str]]:
+def _scenario_rows(scenario: Scenario) -> list[tuple[str, str]]:
     """Return what a scenario adds to random arrivals, or that it takes their place."""
-    if scenario is None or (scenario.random and not scenario.artefacts):
+    if scenario.random and not scenario.artefacts:
         return []
     added = counted(len(scenario.artefacts), "artefact")
     if scenario.random:

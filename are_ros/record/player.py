@@ -16,12 +16,7 @@ from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
 from are_ros.node.startup import ros_session
 from are_ros.record.lockstep import Lockstep, Pace, ShouldStop
-from are_ros.record.publishers import (
-    ClockPublisher,
-    PlayedTopics,
-    PlayOptions,
-    await_subscribers,
-)
+from are_ros.record.publishers import ClockPublisher, PlayedTopics, PlayOptions, await_subscribers
 from are_ros.replay.progress import OpenProgress, Progress, Say
 from are_ros.wording import counted, duration_text
 
