@@ -16,8 +16,9 @@ from are_ros.builder.sensors.laser_scan import LaserScan
 from are_ros.conventions import IDLE_NS
 from are_ros.population.artefact import GroundPose
 from are_ros.population.catalogue import CatalogueRow
+from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.cameras import CameraAt, ViewModel
-from are_ros.world.footprint import Footprint
+from are_ros.world.footprint import Footprint, signed_distance_m
 from are_ros.world.rigid_transform import RigidTransform
 
 Floats = npt.NDArray[np.float64]
@@ -180,6 +181,11 @@ class Life:
         x_m, y_m, yaw_rad = self.footprints.poses[self._pose_index(t_ns)].tolist()
         return x_m, y_m, yaw_rad
 
+    def footprints_at(self, stamps_ns: Stamps) -> Floats:
+        """Return the same at many instants, float64 (N, 3); without a pose N is 0."""
+        after = np.searchsorted(self.footprints.stamps_ns, stamps_ns, side="right")
+        return self.footprints.poses[np.maximum(after - 1, 0)]
+
     def at(self, t_ns: int) -> ArtefactAt:
         """Return the artefact as it was at `t_ns`; there must be a pose."""
         x_m, y_m, yaw_rad = self.footprint_at(t_ns)
@@ -247,6 +253,27 @@ class SceneRecord:
     def has_cameras(self) -> bool:
         """Whether the pose of any camera was ever known."""
         return bool(len(self.camera) or self.others)
+
+    def robot_distances(self, life: Life) -> tuple[Stamps, Floats]:
+        """Return how far the robot's footprint was from that of an artefact, seen from above.
+
+        Stamps [ns] int64 (N,) of the ticks at which it was there and the robot's pose was known,
+        and distances float64 (N,) [m]; where they overlap it is minus the depth.
+        """
+        stamps_ns, poses = self.robot.stamps_ns, self.robot.poses
+        is_there = np.zeros(len(stamps_ns), np.bool_)
+        if len(life.footprints):
+            is_there = stamps_ns >= life.arrival_ns
+            is_there &= life.departure_ns is None or stamps_ns < life.departure_ns
+        stamps_ns, poses = stamps_ns[is_there], poses[is_there]
+        boxes = life.footprints_at(stamps_ns)
+        dx_m, dy_m, turns_rad = (boxes - poses).T
+        cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        ahead_m, left_m = cos * dx_m + sin * dy_m, cos * dy_m - sin * dx_m
+        half_sizes_m = np.tile(0.5 * np.array(life.row.size_m), (len(poses), 1))
+        centres_m = np.column_stack((ahead_m, left_m, half_sizes_m[:, 2]))
+        in_base = OrientedBoxes(centres_m, turns_rad, half_sizes_m)
+        return stamps_ns, signed_distance_m(self.footprint, in_base)
 
     def moments(self, every: int = 1) -> Iterator[Moment]:
         """Yield every `every`-th tick from the first on, without events and metrics."""

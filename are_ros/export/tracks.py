@@ -6,20 +6,26 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from are_ros.builder.assembly import robot_footprint
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
 from are_ros.export.truth import TrueTick, TruthReader
 from are_ros.replay.progress import OpenProgress
 from are_ros.wording import counted, why_refused
+from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.footprint import Footprint, signed_distance_m
 
 TABLE, TUM, ROBOT = "tracks.csv", "tum", "robot.txt"
 COLUMNS: Final = (
     *("stamp_ns", "id", "label", "class"),
     *("x", "y", "z", "qx", "qy", "qz", "qw"),
     *("vx", "vy", "wz", "length", "width", "height"),
-    *("behaviour", "activity", "perceived", "visible_fraction", "cameras"),
+    *("behaviour", "activity", "perceived", "visible_fraction", "cameras", "robot_distance"),
 )
-"""Poses of F_A in the map's frame [m]; velocities [m/s, rad/s] and sizes [m] along F_A's axes."""
+"""Poses of F_A in the map's frame [m]; velocities [m/s, rad/s] and sizes [m] along F_A's axes.
+
+The distance [m] is that of the robot's footprint from the artefact's, negative where they overlap.
+"""
 
 
 class _Life(NamedTuple):
@@ -40,8 +46,8 @@ def export_tracks(recording: Path, folder: Path, open_progress: OpenProgress) ->
             ids, ticks, poses = _write(reader, csv.writer(file), folder / TUM, open_progress)
     except OSError as cause:
         raise BagError(f"--tracks {folder}: {why_refused(cause)}") from cause
-    robot = f"the robot at {counted(poses, 'tick')}" if poses else ""
-    robot = robot or f"no pose of the robot{reader.untold}"
+    robot = f"the robot at {counted(poses, 'tick')}" if poses else "no pose of the robot"
+    robot += reader.untold
     counts = f"{counted(ids, 'artefact')}, {counted(ticks, 'tick')}"
     return f"tracks: {folder} ({'; '.join((counts, robot, *reader.left_out))})"
 
@@ -51,13 +57,14 @@ def _write(
 ) -> tuple[int, int, int]:
     """Write table and files; return the numbers of artefacts, of ticks, and of robot's poses."""
     table.writerow(COLUMNS)
+    footprint = robot_footprint(reader.parameters.robot)
     lines: dict[_Life, list[str]] = {}
     files: dict[str, list[_Life]] = {}
     robot: list[str] = []
     ticks = 0
     for tick in reader.read(open_progress, {}):
         ticks += 1
-        table.writerows(_rows(tick))
+        table.writerows(_rows(tick, footprint))
         scene = tick.scene
         numbers = scene.ids.tolist(), scene.labels, scene.arrivals_ns.tolist()
         alive = [_Life(*life) for life in zip(*numbers, strict=True)]
@@ -74,8 +81,13 @@ def _write(
     return sum(map(len, files.values())), ticks, len(robot)
 
 
-def _rows(tick: TrueTick) -> list[list[Any]]:
-    scene, rows = tick.scene, []
+def _rows(tick: TrueTick, footprint: Footprint) -> list[list[Any]]:
+    scene, rows, distances = tick.scene, [], [""] * len(tick.scene.ids)
+    if (base := tick.map_from_base) is not None:
+        x_m, y_m, _ = base.translation_m.tolist()
+        robot = footprint.at(x_m, y_m, base.yaw_rad())
+        boxes = OrientedBoxes(scene.centres_m, scene.yaws_rad, scene.half_sizes_m)
+        distances = [f"{value:.6g}" for value in signed_distance_m(robot, boxes).tolist()]
     for k, number in enumerate(scene.ids.tolist()):
         seen = tick.sightings.get(number)
         twist = scene.twists[k, (0, 1, 5)].tolist()
@@ -87,6 +99,7 @@ def _rows(tick: TrueTick) -> list[list[Any]]:
                 *(scene.behaviours[k], scene.activities[k], int(seen is not None)),
                 "" if seen is None else f"{seen.visible_fraction:.6g}",
                 "" if seen is None else " ".join(seen.cameras),
+                distances[k],
             ]
         )
     return rows

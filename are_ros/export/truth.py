@@ -16,7 +16,7 @@ from are_ros.bag.roles import CAMERA, find_roles
 from are_ros.errors import BagError, InputError
 from are_ros.replay.progress import OpenProgress
 from are_ros.replay.recorded_frames import ROBOT_ROLES, RecordedRobot
-from are_ros.replay.recorded_scene import LATEST_TICKS
+from are_ros.replay.recorded_scene import LATEST_TICKS, WAITING_TICKS
 from are_ros.world.rigid_transform import RigidTransform
 
 Sightings = Mapping[int, Sighting]
@@ -73,6 +73,52 @@ def chosen_topic(known: Sequence[str], name: str, data_set: str, option: str, wi
     return wanted[0]
 
 
+class _TickQueue:
+    """Ticks that wait until all that belongs to the first of them has come."""
+
+    def __init__(self, robot: RecordedRobot, map_frame: str, *, has_perceived: bool) -> None:
+        self._robot, self._map_frame, self._has_perceived = robot, map_frame, has_perceived
+        self._waiting: deque[tuple[Scene, RigidTransform | None]] = deque()
+        self._sightings: dict[int, Sightings] = {}
+        self._listed_ns = -1
+
+    def add(self, scene: Scene) -> None:
+        """Take the artefacts of a tick."""
+        self._waiting.append((scene, self._robot.poses(scene.stamp_ns)[0]))
+
+    def add_sightings(self, stamp_ns: int, sightings: Sequence[Sighting]) -> None:
+        """Take the list of the perceived of a tick."""
+        self._sightings[stamp_ns] = {one.artefact_id: one for one in sightings}
+        self._listed_ns = stamp_ns
+
+    def whole(self) -> Iterator[TrueTick]:
+        """Yield the ticks that are whole, before the last one."""
+        while len(self._waiting) > 1 and self._is_whole():
+            yield self._first()
+
+    def rest(self) -> Iterator[TrueTick]:
+        """Yield the other ticks, at the end."""
+        while self._waiting:
+            yield self._first()
+
+    def _is_whole(self) -> bool:
+        count, stamp_ns = len(self._waiting), self._waiting[0][0].stamp_ns
+        is_listed = not self._has_perceived or stamp_ns <= self._listed_ns or count > LATEST_TICKS
+        return is_listed and (count > WAITING_TICKS or self._exact_pose() is not None)
+
+    def _exact_pose(self) -> RigidTransform | None:
+        frames = self._map_frame, self._robot.base_frame()
+        return self._robot.tree.try_lookup(*frames, self._waiting[0][0].stamp_ns)
+
+    def _first(self) -> TrueTick:
+        exact = self._exact_pose()
+        scene, base = self._waiting.popleft()
+        for at_ns in [one for one in self._sightings if one < scene.stamp_ns]:
+            del self._sightings[at_ns]
+        seen = self._sightings.pop(scene.stamp_ns, {})
+        return TrueTick(scene, seen, base if exact is None else exact)
+
+
 class TruthReader:
     """Reads a recording of the node's outputs once, in its order. Raises BagError without truth."""
 
@@ -105,23 +151,11 @@ class TruthReader:
 
         A tick is yielded after the next one has begun, and after the list of the perceived of it or
         of a later one has come, which the latency of a detector delays. The robot's pose is that at
-        its stamp, else as the tick knew it.
+        its stamp, which transforms tell that may come ticks later, else as the tick knew it.
         """
         has_perceived = _PERCEIVED in self._types
         topics = {*self._roles, *also, _ARTEFACTS, *([_PERCEIVED] if has_perceived else [])}
-        waiting: deque[tuple[Scene, RigidTransform | None]] = deque()
-        sightings: dict[int, Sightings] = {}
-        listed_ns = -1
-
-        def first() -> TrueTick:
-            scene, base = waiting.popleft()
-            frames = self.parameters.frames.map, self.robot.base_frame()
-            exact = self.robot.tree.try_lookup(*frames, scene.stamp_ns)
-            base = base if exact is None else exact
-            for at_ns in [one for one in sightings if one < scene.stamp_ns]:
-                del sightings[at_ns]
-            return TrueTick(scene, sightings.pop(scene.stamp_ns, {}), base)
-
+        queue = _TickQueue(self.robot, self.parameters.frames.map, has_perceived=has_perceived)
         with self.recording as recording:
             self.left_out = tuple(filter(None, [recording.left_out]))
             for message in recording.messages(topics, open_progress):
@@ -130,20 +164,13 @@ class TruthReader:
                     continue
                 value = recording.decode(message)
                 if message.topic == _ARTEFACTS:
-                    waiting.append((value, self.robot.poses(value.stamp_ns)[0]))
+                    queue.add(value)
                 elif message.topic == _PERCEIVED:
-                    sightings[value.stamp_ns] = {one.artefact_id: one for one in value.sightings}
-                    listed_ns = value.stamp_ns
+                    queue.add_sightings(value.stamp_ns, value.sightings)
                 else:
                     self._take(message, value)
-                while len(waiting) > 1 and (
-                    not has_perceived
-                    or waiting[0][0].stamp_ns <= listed_ns
-                    or len(waiting) > LATEST_TICKS
-                ):
-                    yield first()
-            while waiting:
-                yield first()
+                yield from queue.whole()
+            yield from queue.rest()
 
     def _take(self, message: RecordedMessage, value: Any) -> None:
         """Take a transform, an odometry or a CameraInfo."""

@@ -42,7 +42,7 @@ _AUGMENTED: Final = "augmented_map"
 _OTHER_CAMERA: Final = "other_camera_info/"
 """The roles of other cameras begin so, and end with their numbers."""
 _SCAN_TYPE: Final = "sensor_msgs/msg/LaserScan"
-_WAITING_TICKS: Final = 20
+WAITING_TICKS: Final = 20
 """The messages of a tick come in any order, but not later than this."""
 LATEST_TICKS: Final = 1200
 """A list of the perceived comes at most so much later: 10 s of latency at 100 Hz, and some."""
@@ -146,7 +146,7 @@ class SceneReader:
         certainty = parameters.certainty
         late_s = certainty.latency if certainty.enabled else 0.0
         late = math.ceil(late_s * parameters.builder.tick_rate)
-        self._most = _WAITING_TICKS + late if is_live else LATEST_TICKS
+        self._most = WAITING_TICKS + late if is_live else LATEST_TICKS
         self._robot = RecordedRobot(parameters, has_camera_info=has_camera_info)
         self._scans = _ScanKeeper(parameters.frames.map)
         self._waiting: deque[tuple[Moment, Camera | None]] = deque()
@@ -280,7 +280,7 @@ class SceneReader:
         self._cloud = message
 
     def _give(self) -> None:
-        least = 0 if self._is_live else _WAITING_TICKS
+        least = 0 if self._is_live else WAITING_TICKS
         while len(self._waiting) > least and (
             self._waiting[0][0].stamp_ns <= self._listed_ns or len(self._waiting) > self._most
         ):

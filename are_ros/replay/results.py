@@ -51,6 +51,7 @@ def metrics_content(
     """
     series = record.series
     is_known = series.blind_ticks is not None
+    lives = [_life(record, life) for life in record.lives]
     return {
         "seed": record.seed,
         "ticks": len(series.stamps_ns),
@@ -62,11 +63,11 @@ def metrics_content(
         "perceived": _mean_and_max(series.perceived if is_known else series.perceived[:0]),
         "perceived_ever": _perceived_of(record, record.lives),
         "clutter_ratio": _mean_and_max(series.clutter_ratio),
-        "classes": _classes(record),
+        "classes": _classes(record, lives),
         **_readings(readings),
         "refused": dict(sorted(refused.items())),
         "written": dict(sorted(written.items())),
-        "lives": [_life(record, life) for life in record.lives],
+        "lives": lives,
     }
 
 
@@ -110,7 +111,7 @@ def summary_lines(metrics: Content, timing: Content | None = None) -> list[str]:
             for name, one in metrics["classes"].items()
             if one["perceived"] is not None
         ),
-        ("robot", f"{counted(metrics['robot_contacts'], 'contact')} with artefacts"),
+        ("robot", _robot_text(metrics)),
         *(
             (f"{role} {topic}", _reading_text(one))
             for role, kind in SENSORS.items()
@@ -165,12 +166,20 @@ def _number(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _classes(record: SceneRecord) -> Content:
-    lives: dict[str, list[Life]] = {}
-    for life in record.lives:
-        lives.setdefault(life.row.class_name, []).append(life)
+def _classes(record: SceneRecord, contents: Sequence[Content]) -> Content:
+    """Return the counts of each class; `contents` are those of the lives, in their order."""
+    lives: dict[str, list[tuple[Life, Content]]] = {}
+    for life, content in zip(record.lives, contents, strict=True):
+        lives.setdefault(life.row.class_name, []).append((life, content))
     return {
-        name: {"arrived": len(lives[name]), "perceived": _perceived_of(record, lives[name])}
+        name: {
+            "arrived": len(lives[name]),
+            "perceived": _perceived_of(record, [life for life, _ in lives[name]]),
+            "closest_m": min(
+                (one["closest_m"] for _, one in lives[name] if one["closest_m"] is not None),
+                default=None,
+            ),
+        }
         for name in sorted(lives)
     }
 
@@ -187,6 +196,7 @@ def _life(record: SceneRecord, life: Life) -> Content:
         return None if stamp_ns is None else (stamp_ns - first_ns) / NS_PER_S
 
     seen_ns = life.seen_ns.tolist()
+    closest_m, closest_ns = _closest(record, life)
     return {
         "id": life.artefact_id,
         "row": life.row.index,
@@ -198,7 +208,18 @@ def _life(record: SceneRecord, life: Life) -> Content:
         "first_perceived_s": seconds(min(seen_ns, default=None)),
         "last_perceived_s": seconds(max(seen_ns, default=None)),
         "ticks_perceived": len(seen_ns),
+        "closest_m": closest_m,
+        "closest_s": seconds(closest_ns),
     }
+
+
+def _closest(record: SceneRecord, life: Life) -> tuple[float | None, int | None]:
+    """Return the least distance [m] of the robot from an artefact, and when it was [ns]."""
+    stamps_ns, distances_m = record.robot_distances(life)
+    if not len(distances_m):
+        return None, None
+    at = int(distances_m.argmin())
+    return float(distances_m[at]), int(stamps_ns[at])
 
 
 def _time_text(metrics: Content, timing: Content | None) -> str:
@@ -221,6 +242,17 @@ def _artefact_text(metrics: Content) -> str:
     if alive["mean"] is None:
         return ", ".join(shown)
     return f"{', '.join(shown)}; alive {alive['mean']:.1f} on average, {alive['max']} at most"
+
+
+def _robot_text(metrics: Content) -> str:
+    text = f"{counted(metrics['robot_contacts'], 'contact')} with artefacts"
+    known = [one for one in metrics["lives"] if one["closest_m"] is not None]
+    if not known:
+        return text
+    closest = min(known, key=lambda one: float(one["closest_m"]))
+    distance_m, who = closest["closest_m"], f"{closest['label']} {closest['id']}"
+    where = f"closest {distance_m:.2f} m from" if distance_m >= 0.0 else f"{-distance_m:.2f} m into"
+    return f"{text}; {where} {who} after {closest['closest_s']:.1f} s"
 
 
 def _perceived_text(metrics: Content) -> str:

@@ -60,6 +60,31 @@ def test_the_table_has_each_artefact_of_each_tick(sample_replay: Path, tracks: P
                 assert row["cameras"] == "camera_optical_frame"
 
 
+def test_the_table_tells_how_far_the_robot_was(sample_replay: Path, tracks: Path) -> None:
+    """A disc of the robot's radius from the rectangle of the artefact; empty without its pose."""
+    kinds = read_outputs(sample_replay / "augmented.mcap").kinds
+    robot = {round(line[0], 3): line for line in np.loadtxt(tracks / "tum" / "robot.txt")}
+    radius_m = find_recording(sample_replay).effective().robot.radius
+    compared = 0
+    with (tracks / "tracks.csv").open(encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            pose = robot.get(round(int(row["stamp_ns"]) / NS_PER_S, 3))
+            assert (row["robot_distance"] == "") == (pose is None)
+            if pose is None:
+                continue
+            compared += 1
+            centre = kinds[int(row["id"])].box_centre
+            yaw_rad = 2.0 * math.atan2(float(row["qz"]), float(row["qw"]))
+            away = complex(pose[1] - float(row["x"]), pose[2] - float(row["y"]))
+            away = away * complex(math.cos(yaw_rad), -math.sin(yaw_rad))
+            past_x = abs(away.real - centre.x) - 0.5 * float(row["length"])
+            past_y = abs(away.imag - centre.y) - 0.5 * float(row["width"])
+            outside_m = math.hypot(max(past_x, 0.0), max(past_y, 0.0))
+            expected_m = outside_m + min(max(past_x, past_y), 0.0) - radius_m
+            assert float(row["robot_distance"]) == pytest.approx(expected_m, abs=1e-4)
+    assert compared > 150
+
+
 def test_each_track_is_a_file_as_tum_has_them(sample_replay: Path, tracks: Path) -> None:
     """Eight numbers a line, time first; the robot's, too."""
     outputs = read_outputs(sample_replay / "augmented.mcap")

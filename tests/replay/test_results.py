@@ -21,10 +21,12 @@ from are_ros.replay.results import (
     timing_content,
     write_json,
 )
-from are_ros.world.footprint import Footprint
+from are_ros.world.boxes import OrientedBoxes
+from are_ros.world.footprint import Footprint, signed_distance_m
 
 PERSON = CatalogueRow(3, "tall", "person", (0.4, 0.6, 1.8), (0.0, 0.0, 0.0), Shape.WALL)
 CAR = CatalogueRow(8, "small", "car", (4.0, 1.7, 1.5), (0.0, 0.0, 0.0), Shape.WALL)
+HALF_CAR = 0.5 * np.array([CAR.size_m])
 S = 1_000_000_000
 START_NS = 1_000 * S
 
@@ -73,8 +75,8 @@ def test_metrics() -> None:
     assert (content["arrivals"], content["blocked_by_cause"]) == (2, {"no_place": 1})
     assert content["departures_by_cause"] == {"life_over": 1}
     assert content["classes"] == {
-        "car": {"arrived": 1, "perceived": 0},
-        "person": {"arrived": 1, "perceived": 1},
+        "car": {"arrived": 1, "perceived": 0, "closest_m": None},
+        "person": {"arrived": 1, "perceived": 1, "closest_m": None},
     }
     assert content["alive"] == {"mean": 1.0, "max": 2}
     assert content["clutter_ratio"] == pytest.approx({"mean": 0.15, "max": 0.2})
@@ -90,7 +92,7 @@ def test_without_perception_nothing_is_said_to_be_perceived() -> None:
     content = metrics_content(record, *NONE)
     assert content["perceived"] == {"mean": None, "max": None}
     assert content["perceived_ever"] is content["ticks_without_perception"] is None
-    assert content["classes"]["car"] == {"arrived": 1, "perceived": None}
+    assert content["classes"]["car"] == {"arrived": 1, "perceived": None, "closest_m": None}
     summary = "\n".join(summary_lines(content))
     assert "perceived  left out\n" in summary
     assert " of 1" not in summary
@@ -110,8 +112,42 @@ def test_lives_in_seconds_since_the_first_tick() -> None:
         "first_perceived_s": 0.0,
         "last_perceived_s": 0.0,
         "ticks_perceived": 2,
+        "closest_m": None,
+        "closest_s": None,
     }
     assert (second["arrival_s"], second["departure_s"], second["left_by"]) == (0.5, None, None)
+
+
+def test_how_close_the_robot_came() -> None:
+    """Tick by tick as the footprint at the robot's pose says, while the artefact was there."""
+    random = np.random.default_rng(7)
+    stamps_ns = START_NS + S * np.arange(40, dtype=np.int64)
+    robot = Track(stamps_ns[1:], random.uniform(-3.0, 3.0, (39, 3)))
+    walked = Track(stamps_ns[5:30:3], random.uniform(-3.0, 3.0, (9, 3)))
+    outline = Footprint(np.array([(0.5, 0.3), (0.5, -0.3), (-0.2, -0.3), (-0.2, 0.3)]), 0.1)
+    never = np.zeros(0, dtype=np.int64)
+    life = Life(1, CAR, stamps_ns[5], stamps_ns[31], "life_over", walked, never)
+    later = replace(life, artefact_id=2, row=PERSON, arrival_ns=stamps_ns[-1] + 1)
+    record = replace(_record(40), footprint=outline, robot=robot, lives=(life, later))
+    expected = {}
+    for stamp_ns, pose in zip(stamps_ns[5:31].tolist(), robot.poses[4:].tolist(), strict=False):
+        x_m, y_m, yaw_rad = life.footprint_at(stamp_ns)
+        box = OrientedBoxes(np.array([[x_m, y_m, 0.0]]), np.array([yaw_rad]), HALF_CAR)
+        expected[stamp_ns] = signed_distance_m(outline.at(*pose), box)[0]
+    found_ns, distances_m = record.robot_distances(life)
+    assert found_ns.tolist() == list(expected)
+    assert distances_m == pytest.approx(list(expected.values()), abs=1e-12)
+    closest_ns = min(expected, key=expected.__getitem__)
+    content = metrics_content(record, *NONE)
+    first, second = content["lives"]
+    assert first["closest_m"] == pytest.approx(expected[closest_ns], abs=1e-12)
+    assert first["closest_s"] == (closest_ns - START_NS) / S
+    assert second["closest_m"] is content["classes"]["person"]["closest_m"] is None
+    assert content["classes"]["car"]["closest_m"] == first["closest_m"] < 0.0
+    text = f"; {-first['closest_m']:.2f} m into small 1 after {first['closest_s']:.1f} s"
+    assert text in "\n".join(summary_lines(content))
+    content["lives"][0]["closest_m"] = 0.25
+    assert "; closest 0.25 m from small 1 after" in "\n".join(summary_lines(content))
 
 
 @pytest.mark.parametrize("ticks", [0, 1, 3])
