@@ -214,10 +214,14 @@ def _life(record: SceneRecord, life: Life) -> Content:
 
 
 def _closest(record: SceneRecord, life: Life) -> tuple[float | None, int | None]:
-    """Return the least distance [m] of the robot from an artefact, and when it was [ns]."""
+    """Return the least distance [m] of the robot from an artefact, and when it was first [ns].
+
+    In micrometres: while both stand, rounding would choose the tick.
+    """
     stamps_ns, distances_m = record.robot_distances(life)
     if not len(distances_m):
         return None, None
+    distances_m = distances_m.round(6)
     at = int(distances_m.argmin())
     return float(distances_m[at]), int(stamps_ns[at])
 
