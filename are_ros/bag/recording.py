@@ -10,6 +10,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -33,7 +34,7 @@ from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.sensors import CAMERA_INFO_TYPE, OUTPUT_TYPES, SENSORS
 from are_ros.messages.tick_encoding import ALL_OUTPUTS, OUTPUTS
 from are_ros.parameters.model import Parameters
-from are_ros.parameters.ros_yaml import with_file
+from are_ros.parameters.ros_yaml import EFFECTIVE_TOPIC, with_file, with_text
 from are_ros.wording import listed, listed_files
 
 PREFIX: Final = "/ar_builder/"
@@ -53,6 +54,7 @@ _DRAWN: Final = (MARKERS, *GRID_TOPICS)
 
 _NODE: Final = PREFIX.strip("/")
 _PARAMETER_EVENTS: Final = "/parameter_events"
+_EFFECTIVE: Final = PREFIX + EFFECTIVE_TOPIC
 
 PARAMETERS: Final = "effective.yaml"
 _METRICS: Final = "metrics.json"
@@ -87,19 +89,34 @@ class RecordingFiles:
     parameters: Path | None
     is_replay: bool
 
+    @cached_property
+    def told(self) -> Parameters | None:
+        """The parameters of the run, None where nothing tells them. ParameterError.
+
+        Those of the file beside it, else those that the node published last.
+        """
+        if self.parameters is not None:
+            return with_file(Parameters(), self.parameters)
+        text = ""
+        with suppress(BagError), Recording(self) as recording:  # who reads on tells what is wrong
+            for message in recording.in_log_order([_EFFECTIVE]):
+                text = recording.deserialize(message).data
+        subject = f"{self.path}: its {_EFFECTIVE}"
+        return with_text(Parameters(), text, subject) if text else None
+
     def effective(self) -> Parameters:
-        """Return the parameters of the run, the defaults where no file tells. ParameterError."""
-        return Parameters() if self.parameters is None else with_file(Parameters(), self.parameters)
+        """Return the parameters of the run, the defaults where nothing tells. ParameterError."""
+        return Parameters() if self.told is None else self.told
 
     @property
     def untold(self) -> str:
-        """What to do where no file tells the parameters, as the end of a sentence; else ""."""
-        if self.parameters is not None:
+        """What to do where nothing tells the parameters, as the end of a sentence; else ""."""
+        if self.told is not None:
             return ""
         return (
-            f"; the defaults were taken, as no {PARAMETERS} of this run lies beside the recording:"
-            " copy the node's parameter file there by that name, or write it with"
-            f" `ros2 param dump /ar_builder > {PARAMETERS}`"
+            f"; the defaults were taken, as it holds no {_EFFECTIVE} and no {PARAMETERS} of this"
+            " run lies beside it: copy the node's parameter file there by that name, or write it"
+            f" with `ros2 param dump /ar_builder > {PARAMETERS}`"
         )
 
 

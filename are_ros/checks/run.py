@@ -55,7 +55,7 @@ def check_recording(
     """Check a replay's output folder, or a live recording: a folder, an .mcap or a .db3 file.
 
     A folder with augmented.mcap and metrics.json is a replay's. The real map is `map_file`, else
-    the one in the recording; the parameters `parameters_file`, else effective.yaml beside it.
+    the one in the recording; the parameters `parameters_file`, else those that the run tells.
     What is wrong with the recording, damaged bytes too, is a failed result; what cannot be looked
     at, a skipped one with the reason. Of a file that cannot be opened nothing else follows. Each
     comes when it is known; those of readings take longest.
@@ -63,8 +63,9 @@ def check_recording(
     map file or parameters.
     """
     files = find_recording(path)
-    effective = parameters_file or files.parameters
-    parameters = None if effective is None else with_file(Parameters(), effective)
+    parameters = files.told
+    if parameters_file is not None:
+        parameters = with_file(Parameters(), parameters_file)
     is_live = not files.is_replay
     of_file, *of_others = check_files(files.files, is_live=is_live)
     with Reading(files, parameters) as reading:

@@ -167,7 +167,7 @@ def describe(**options: Any) -> None:
     "parameters_file",
     metavar="FILE",
     type=FILE,
-    help="Its parameters. [effective.yaml beside it]",
+    help="Its parameters. [effective.yaml beside it, else what it tells itself]",
 )
 def check(recording: Path, map_file: Path | None, parameters_file: Path | None) -> None:
     """Check what the node or a replay gave out, by a program of its own.
@@ -200,8 +200,9 @@ def view(
     """Write a page to look around in: map, walls, robot, what its camera sees, artefacts, scans.
 
     RECORDING is a result of `are replay`, `are demo` or `are record`, or any recording of the
-    node's topics; effective.yaml beside it has its parameters. The page plays in a browser, without
-    a network; it needs viser to be written. With --animate an animation of all from above, instead.
+    node's topics; effective.yaml beside it, or the recording, has its parameters. The page plays in
+    a browser, without a network; it needs viser to be written. With --animate an animation of all
+    from above, instead.
 
     It goes into the recording's folder, as view.html or animation.gif; that of a file with a name
     of its own begins with it: run.mcap has run_view.html.
@@ -289,7 +290,7 @@ def export(
     """Write what a recording holds into files of other programs.
 
     RECORDING is a result of `are replay`, `are demo` or `are record`, or any recording of the
-    node's topics; effective.yaml beside it has its parameters.
+    node's topics; effective.yaml beside it, or the recording, has its parameters.
 
     With --mesh the scene at one time: the surface of what stands in the place (the octomap, or the
     walls of the map), its floor, and the artefacts where they were, coloured by class. Lengths are

@@ -21,8 +21,9 @@ from are_ros.messages.tick_encoding import offered_outputs
 from are_ros.node.diagnostics import Reporter
 from are_ros.node.heartbeat import offer_heartbeat
 from are_ros.node.live_builder import LiveBuilder
+from are_ros.node.message_classes import message_class
 from are_ros.node.parameters import ParameterBridge
-from are_ros.node.qos import advertise
+from are_ros.node.qos import advertise, profile_of
 from are_ros.node.services import Services
 from are_ros.node.topics import (
     Publishers,
@@ -34,6 +35,7 @@ from are_ros.node.topics import (
 from are_ros.node.watches import GRACE_S, CallbackTimer, Lasting, Watchdog
 from are_ros.parameters.choices import OnRobotContact
 from are_ros.parameters.model import Parameters
+from are_ros.parameters.ros_yaml import EFFECTIVE_TOPIC, write_ros_parameters
 from are_ros.parameters.validation import with_contact_policy
 from are_ros.population.catalogue import Catalogue
 from are_ros.population.mixture import mixture_of
@@ -47,6 +49,7 @@ _OVERDUE_NS: Final = 2 * NS_PER_S
 _STAND_IN_S: Final = 3.0
 """After this time without CameraInfo the default camera is used."""
 _MOST_SENTENCES: Final = 1000
+_TEXT: Final = "std_msgs/msg/String"
 _KERNELS_A_LINE: Final = 25
 _LEAPS: Final = JumpThreshold(
     min_forward=Duration(seconds=1), min_backward=Duration(nanoseconds=-1), on_clock_change=True
@@ -86,6 +89,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         )
         diagnostics = advertise(self, "diagnostic_msgs/msg/DiagnosticArray", "/diagnostics")
         self._reporter = Reporter(self, diagnostics)
+        self._effective = advertise(self, _TEXT, f"~/{EFFECTIVE_TOPIC}", profile_of(True, True, 1))
         self._is_blind, self._is_only_mapped = Lasting(_STAND_IN_S), Lasting(GRACE_S)
         self._stand_in = ""
         self._busy = CallbackTimer()
@@ -226,6 +230,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         self.live.busy = self._busy
         self._hangs = Watchdog(self._busy, self._cry)
         subscriptions.follow_publishers()
+        self._tell(parameters)
         self.get_logger().info("configured: the real map is relayed when it comes")
 
     def _tell_kernels(self, done: int, total: int) -> None:
@@ -365,7 +370,12 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
             with self._turn("parameters"):
                 values = with_full_names(self, with_contact_policy(values, _ON_CONTACT))
                 self.live.reconfigure(values, self.now_ns())
+                self._tell(values)
                 self._work()
+
+    def _tell(self, parameters: Parameters) -> None:
+        """Publish the parameters in force, so that a recording of the node's topics has them."""
+        self._effective.publish(message_class(_TEXT)(data=write_ros_parameters(parameters)))
 
     def _refused(self, topic: str, sentence: str) -> None:
         if self._inputs is not None:

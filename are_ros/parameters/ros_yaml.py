@@ -5,7 +5,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import yaml
 
@@ -14,6 +14,9 @@ from are_ros.parameters.declaration import NodeParameters, Value, describe, flat
 from are_ros.parameters.model import Parameters
 from are_ros.wording import listed
 from are_ros.yaml_text import parse_yaml, read_yaml
+
+EFFECTIVE_TOPIC: Final = "effective_parameters"
+"""Below its name, the node publishes here the text of a file with the parameters in force."""
 
 _NODE = "ar_builder"
 _SECTION = "ros__parameters"
@@ -42,6 +45,11 @@ def read_ros_parameters(path: Path) -> dict[str, Any]:
         raise ParameterError(
             f"parameter file {path} is for several nodes, {listed(named)}: give a file for one"
         )
+    return _values_of(sections)
+
+
+def _values_of(sections: Sequence[tuple[str, dict[str, Any]]]) -> dict[str, Any]:
+    """Return the values by path, those of later sections winning, without what is not ours."""
     values: dict[str, Any] = {}
     for _, own in sections:
         values.update(own)
@@ -59,6 +67,15 @@ def with_file(parameters: Parameters, path: Path) -> Parameters:
         return with_values(parameters, {**values, **_files_beside(path, values)})
     except ParameterError as cause:
         raise ParameterError(f"{path}: {cause}") from cause
+
+
+def with_text(parameters: Parameters, text: str, subject: str) -> Parameters:
+    """Return parameters with the values of a file's text; ParameterError begins with `subject`."""
+    sections = _sections_for_us(parse_yaml(text, subject, ParameterError), subject)
+    try:
+        return with_values(parameters, _values_of(sections))
+    except ParameterError as cause:
+        raise ParameterError(f"{subject}: {cause}") from cause
 
 
 def parameter_file_for_ros(paths: Sequence[Path], namespace: str = "") -> str:
@@ -109,23 +126,28 @@ _Dumper.add_representer(
 
 def _our_sections(path: Path) -> list[tuple[str, dict[str, Any]]]:
     """Return name and values by path of each section for a node of our name. ParameterError."""
-    content = read_yaml(path, f"parameter file {path}", ParameterError)
+    subject = f"parameter file {path}"
+    return _sections_for_us(read_yaml(path, subject, ParameterError), subject)
+
+
+def _sections_for_us(content: Any, subject: str) -> list[tuple[str, dict[str, Any]]]:
+    """Return the same of what YAML gave; ParameterError begins with `subject`."""
     if not isinstance(content, Mapping):
         reason = "it is empty" if content is None else "its top level is not a mapping"
-        raise ParameterError(f"parameter file {path}: {reason}")
+        raise ParameterError(f"{subject}: {reason}")
     sections = [*_sections(content)]
     ours = [(node, section) for node, section in sections if _is_for_us(node)]
     if not ours:
         reason = _why_not_for_us(content, [node for node, _ in sections])
-        raise ParameterError(f"parameter file {path} holds nothing for {_NODE}: {reason}")
+        raise ParameterError(f"{subject} holds nothing for {_NODE}: {reason}")
     found = []
     for node, section in ours:
         own = section.get(_SECTION) if isinstance(section, Mapping) else None
         if not isinstance(own, Mapping):
-            raise ParameterError(f"parameter file {path}: '{node}' has no {_SECTION} mapping")
+            raise ParameterError(f"{subject}: '{node}' has no {_SECTION} mapping")
         names = Counter(name for name, _ in _flattened(own))
         if twice := [name for name, times in names.items() if times > 1]:
-            raise ParameterError(f"parameter file {path}: {listed(twice)} stands in it twice")
+            raise ParameterError(f"{subject}: {listed(twice)} stands in it twice")
         found.append((node, dict(_flattened(own))))
     return found
 

@@ -1,10 +1,12 @@
 """Runs of ticks, farewells, jumps of the clock, and which tick a message belongs to."""
 
+import re
 import struct
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from are_ros.bag.decoded import Scene
 from are_ros.bag.recording import (
@@ -18,7 +20,11 @@ from are_ros.bag.recording import (
     stamp_of,
 )
 from are_ros.conventions import NS_PER_S
+from are_ros.errors import ParameterError
+from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
+from are_ros.parameters.ros_yaml import write_ros_parameters
+from tests.record.player_runs import write_strings
 
 TENTH = NS_PER_S // 10
 
@@ -154,3 +160,37 @@ def test_it_is_said_how_the_parameters_of_a_live_run_are_given(tmp_path: Path) -
     (tmp_path / "effective.yaml").write_text(given, encoding="utf-8")
     found = find_recording(tmp_path / "run.mcap")
     assert (found.effective().frames.base, found.untold) == ("chassis", "")
+
+
+def write_told(path: Path, *texts: str) -> None:
+    """Write a recording of the node's parameters, a second apart."""
+    topic = "/robot1/ar_builder/effective_parameters"
+    write_strings(path, [(topic, float(k), text) for k, text in enumerate(texts)])
+
+
+def test_the_parameters_that_the_node_told_last_are_taken(tmp_path: Path) -> None:
+    """Also those of a node in a namespace; a file beside the recording goes before them."""
+    bag = tmp_path / "run.mcap"
+    parameters = with_values(Parameters(), {"seed": 7, "robot.radius": 0.4})
+    first = write_ros_parameters(Parameters())
+    write_told(bag, first, write_ros_parameters(parameters))
+    found = find_recording(bag)
+    assert (found.told, found.effective(), found.untold) == (parameters, parameters, "")
+    (tmp_path / "effective.yaml").write_text(first, encoding="utf-8")
+    assert find_recording(bag).told == Parameters()
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("ar_builder: {ros__parameters: {sed: 7}}", "'sed'"),
+        ("ar_builder: [", "is no valid YAML"),
+        ("7", "its top level is not a mapping"),
+    ],
+)
+def test_parameters_that_are_none_are_said_so(tmp_path: Path, text: str, reason: str) -> None:
+    """With the file and the topic."""
+    write_told(tmp_path / "run.mcap", text)
+    with pytest.raises(ParameterError, match=re.escape(reason)) as raised:
+        _ = find_recording(tmp_path / "run.mcap").told
+    assert str(raised.value).startswith(f"{tmp_path / 'run.mcap'}: its /ar_builder/effective_para")

@@ -11,7 +11,13 @@ from tests.ros import NOT_SET_UP
 pytest.importorskip("rclpy", reason=NOT_SET_UP)
 
 from are_msgs.msg import ArtefactEvent
+from std_msgs.msg import String
 
+from are_ros.node.qos import profile_of
+from are_ros.parameters.choices import OnRobotContact
+from are_ros.parameters.declaration import with_values
+from are_ros.parameters.model import Parameters
+from are_ros.parameters.ros_yaml import EFFECTIVE_TOPIC, with_text
 from tests.node.live_bench import DELETE_ALL, Bench
 from tests.node.live_scene import cloud, pose_at, robot_at, room, wall_voxels
 
@@ -242,6 +248,23 @@ def test_parameters_can_be_changed_before_the_node_is_configured(make_bench: Mak
     assert bench.node.live is not None
     assert bench.node.live.builder.parameters.seed == 5
     assert bench.node.live.builder.parameters.occlusion.tau == 9
+
+
+def test_the_parameters_in_force_are_a_topic(make_bench: MakeBench) -> None:
+    """Latched, for recordings: from configure on, and again after each change."""
+    bench = make_bench({"population.max_alive": 7}, "configure")
+    latched = profile_of(True, True, 1)
+    heard: list[String] = []
+    topic = f"{bench.name}/{EFFECTIVE_TOPIC}"
+    bench.user.create_subscription(String, topic, heard.append, latched)
+    bench.until(lambda: heard)
+    first = with_text(Parameters(), heard[0].data, topic)
+    assert first.population.max_alive == 7
+    assert first.collisions.on_robot_contact is OnRobotContact.HOLD
+    assert bench.set(occlusion__tau=9) == ""
+    bench.until(lambda: len(heard) == 2)
+    second = with_text(Parameters(), heard[1].data, topic)
+    assert second == with_values(first, {"occlusion.tau": 9})
 
 
 def values(bench: Bench) -> dict[str, Any]:

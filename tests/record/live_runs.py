@@ -18,7 +18,7 @@ from are_ros.builder.tick import Demand
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.parameters.ros_yaml import read_ros_parameters
+from are_ros.parameters.ros_yaml import EFFECTIVE_TOPIC, read_ros_parameters
 from are_ros.replay.output_folder import AUGMENTED
 from are_ros.replay.session import run_replay
 from are_ros.replay.timeline import ReplayOptions
@@ -59,6 +59,10 @@ class Fate(NamedTuple):
     row: int
     arrival_ns: int
     departure_ns: int
+
+
+_LIVE_ALONE = (f"{PREFIX}transition_event", f"{PREFIX}{EFFECTIVE_TOPIC}")
+"""Outputs that a replay does not have."""
 
 
 def run_are(*words: object) -> "subprocess.CompletedProcess[str]":
@@ -116,7 +120,7 @@ def outputs_of(folder: Path) -> dict[str, list[Sent]]:
     found: dict[str, list[Sent]] = defaultdict(list)
     with BagReader([folder / AUGMENTED]) as reader:
         for one in reader.messages([topic.name for topic in reader.topics]):
-            if one.topic.startswith(PREFIX) and one.topic != f"{PREFIX}transition_event":
+            if one.topic.startswith(PREFIX) and one.topic not in _LIVE_ALONE:
                 sent = Sent(bytes(one.data), reader.deserialize(one))
                 found[one.topic.removeprefix(PREFIX)].append(sent)
     return dict(found)

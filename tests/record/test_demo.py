@@ -7,6 +7,7 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from are_ros.bag.reader import BagReader
+from are_ros.bag.recording import find_recording
 from are_ros.bag.writer import BagWriter
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
@@ -49,6 +50,15 @@ def test_the_folder_is_complete(lockstep_run: Path) -> None:
     depths = "/camera/depth_raw/compressedDepth"
     named = {"sensors.images": (images,), "sensors.depths": (depths,)}
     assert values == with_values(expected, named)
+
+
+def test_the_recording_itself_tells_the_parameters(lockstep_run: Path, tmp_path: Path) -> None:
+    """Where no file lies beside it."""
+    copy = tmp_path / "run.mcap"
+    copy.write_bytes((lockstep_run / "augmented.mcap").read_bytes())
+    told = find_recording(copy).told
+    assert told is not None
+    assert told == find_recording(lockstep_run).told
 
 
 @pytest.mark.parametrize("run", ["lockstep_run", "free_run"])
