@@ -11,7 +11,7 @@ import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks, UnsupportedEventTypeError
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
 from are_ros.errors import AreError, NodeError
@@ -26,6 +26,8 @@ _MAPS: Final = ("augmented_map", "artefact_map")
 _LATCHED: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _AS_IT_COMES: Final = QoSProfile(depth=1)
 """Of maps that nobody latches."""
+_BY_BEST_EFFORT: Final = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Of maps that come no other way."""
 _LEASE_S: Final = 0.5
 """Silence of this length is noticed, and must last `_GRACE_S` longer: when a whole machine stalls,
 the guard may wake up before it hears the node again."""
@@ -46,9 +48,9 @@ class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
         self._is_standing_in = False
         grid = self._grid = message_class(_MAP_TYPE)
         self._publishers_of_maps = self._advertise()
-        # Without a callback rclpy warns of a map that the other subscription gets.
+        # Without a callback rclpy warns of a map that another subscription gets.
         events = SubscriptionEventCallbacks(incompatible_qos=lambda _: None)
-        for profile in (_LATCHED, _AS_IT_COMES):
+        for profile in (_LATCHED, _AS_IT_COMES, _BY_BEST_EFFORT):
             self.create_subscription(
                 grid, "map", self._take_map, profile, raw=True, event_callbacks=events
             )
@@ -91,7 +93,7 @@ class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
             self._confirmation.reset()
 
     def _take_map(self, message: bytes) -> None:
-        if message == self._map:  # it came by both subscriptions
+        if message == self._map:  # it came by another subscription, too
             return
         self._map = message
         if self._is_standing_in:

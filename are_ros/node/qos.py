@@ -35,7 +35,7 @@ class InputTopic(NamedTuple):
     """Its topic where that is not the role's own name, relative to the node's namespace."""
     follows: bool = False
     """It is latched, and reliable then, where its publishers latch it: for one that is usually
-    latched, one of them is enough."""
+    latched, one of them is enough. Else it is reliable only where all of them are."""
     is_first_latched: bool = False
     """It is latched, too, as long as no publisher is known."""
 
@@ -64,9 +64,8 @@ INPUTS: Final[Mapping[str, InputTopic]] = MappingProxyType(
 _OTHER_OUTPUT: Final = OutputTopic("")
 """Augmented sensor data and the diagnostics are offered like this."""
 
-_POLICIES_OF_LATCHED: Final = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH)
-_POLICIES_BUT_DURABILITY: Final = (*_POLICIES_OF_LATCHED, QoSPolicyKind.RELIABILITY)
-_POLICIES: Final = (*_POLICIES_BUT_DURABILITY, QoSPolicyKind.DURABILITY)
+_POLICIES_OF_GIVEN: Final = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH)
+_POLICIES: Final = (*_POLICIES_OF_GIVEN, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
 
 
 def input_type(role: str, topic: str) -> str:
@@ -98,15 +97,12 @@ def subscribe(
 
     The parameters qos_overrides.<full topic>.subscription.{history, depth, reliability,
     durability} go before the table; ParameterError if one makes no sense, NodeError if the message
-    is not installed. A `qos_profile` goes before the table too, and its durability before any
-    override, with the reliability of a latched one: rclpy would hold on to those of a topic's first
-    subscription. `options` go to rclpy.
+    is not installed. A `qos_profile` goes before the table too, and its durability and reliability
+    before any override: rclpy would hold on to those of a topic's first subscription. `options` go
+    to rclpy.
     """
     name = topic or INPUTS[role].topic or role
-    policies: Iterable[QoSPolicyKind] = _POLICIES
-    if qos_profile is not None:
-        is_latched = qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        policies = _POLICIES_OF_LATCHED if is_latched else _POLICIES_BUT_DURABILITY
+    policies = _POLICIES if qos_profile is None else _POLICIES_OF_GIVEN
     return _created(
         node.create_subscription,
         input_type(role, name),
@@ -134,23 +130,36 @@ def advertise(
     return _created(node.create_publisher, type_name, topic, qos_profile=profile, **options)
 
 
-def _latching(node: Node, topic: str) -> list[bool]:
-    """Return of each publisher of a topic whether it latches, reliably.
+class _Offer(NamedTuple):
+    """What a publisher offers.
 
     A latched subscription gets nothing from a publisher that does not latch, and another one gets
-    nothing that was latched before. Nor does one of them get that by best effort.
+    nothing that was latched before. Nor does one of them get that by best effort; and a reliable
+    one gets nothing from a publisher by best effort.
     """
-    latched = DurabilityPolicy.TRANSIENT_LOCAL, ReliabilityPolicy.RELIABLE
-    offers = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
-    profiles = [offer.qos_profile for offer in offers]
-    return [(profile.durability, profile.reliability) == latched for profile in profiles]
+
+    is_reliable: bool
+    is_latched: bool
+    """Reliably."""
+
+
+def _offers(node: Node, topic: str) -> list[_Offer]:
+    """Return what each publisher of a topic offers."""
+    found = []
+    for endpoint in node.get_publishers_info_by_topic(node.resolve_topic_name(topic)):
+        profile = endpoint.qos_profile
+        is_reliable = profile.reliability == ReliabilityPolicy.RELIABLE
+        is_latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        found.append(_Offer(is_reliable, is_reliable and is_latched))
+    return found
 
 
 class InputSubscription:
     """A subscription to the input of a role, made anew by `follow` where its publishers ask for it.
 
-    Who overrides its durability by a parameter has chosen: it follows nobody then. `topic`,
-    `options` and errors are those of `subscribe`.
+    Who overrides its durability by a parameter has chosen: it follows nobody then. Who overrides
+    its reliability has chosen that of one that is not latched. `topic`, `options` and errors are
+    those of `subscribe`.
     """
 
     def __init__(
@@ -166,29 +175,39 @@ class InputSubscription:
         self._callback, self._options = callback, options
         is_chosen = self._override("durability") is not None
         self._follows = INPUTS[role].follows and not is_chosen
-        if self._follows:
-            self._check_reliability()
+        self._chosen = self._chosen_reliability() if self._follows else None
+        self._is_reliable = INPUTS[role].is_reliable
         self.is_latched = INPUTS[role].is_latched or INPUTS[role].is_first_latched
         """Whether it gets what was latched before."""
         self.subscription = self._subscribed()
 
     def follow(self) -> None:
-        """Subscribe anew if the publishers of an input that follows them latch otherwise."""
-        latching = _latching(self._node, self.topic) if self._follows else []
-        is_usual = INPUTS[self._role].is_latched
-        is_latched = any(latching) if is_usual else all(latching)
-        if not latching or is_latched == self.is_latched:
+        """Subscribe anew if the publishers of an input that follows them offer it otherwise."""
+        offers = _offers(self._node, self.topic) if self._follows else []
+        if not offers:
             return
-        self.is_latched = is_latched
+        entry, before = INPUTS[self._role], self._profile()
+        latching = [offer.is_latched for offer in offers]
+        self.is_latched = any(latching) if entry.is_latched else all(latching)
+        self._is_reliable = entry.is_reliable and all(offer.is_reliable for offer in offers)
+        if self._profile() == before:
+            return
         self._node.destroy_subscription(self.subscription)
         self.subscription = self._subscribed()
 
-    def _check_reliability(self) -> None:
-        """Refuse an override without sense now: a latched subscription does not look at it."""
+    def _chosen_reliability(self) -> ReliabilityPolicy | None:
+        """Return the reliability that an override asks for, None without one.
+
+        One without sense is refused now: a latched subscription does not look at it.
+        """
         value = self._override("reliability")
-        if value is not None and str(value).upper() not in ReliabilityPolicy.__members__:
+        if value is None:
+            return None
+        known = ReliabilityPolicy.__members__
+        if str(value).upper() not in known:
             reason = f"Unexpected QoS override for policy `reliability`: `{value}`"
             raise ParameterError(f"topic '{self.topic}' with its qos_overrides: {reason}")
+        return known[str(value).upper()]
 
     def _override(self, policy: str) -> Any:
         """Return the value that a parameter gives a policy, None if there is none."""
@@ -205,8 +224,11 @@ class InputSubscription:
         return subscribe(self._node, self._role, self._callback, self.topic, **options)
 
     def _profile(self) -> QoSProfile:
-        entry = INPUTS[self._role]
-        return profile_of(entry.is_reliable or self.is_latched, self.is_latched, entry.depth)
+        is_latched, depth = self.is_latched, INPUTS[self._role].depth
+        profile = profile_of(self._is_reliable or is_latched, is_latched, depth)
+        if self._chosen is not None and not is_latched:
+            profile.reliability = self._chosen
+        return profile
 
 
 def profile_of(is_reliable: bool, is_latched: bool, depth: int) -> QoSProfile:

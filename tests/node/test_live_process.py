@@ -16,6 +16,8 @@ from tests.ros import NOT_SET_UP, WAIT_S, RosWorld, nap, running_s, undisturbed,
 
 pytest.importorskip("rclpy", reason=NOT_SET_UP)
 
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
 from are_ros.messages.tick_encoding import OUTPUTS
 from are_ros.node.message_classes import message_class, service_class
 from are_ros.node.qos import INPUTS, input_qos, output_qos
@@ -312,10 +314,14 @@ def test_the_guard_leaves_the_field_to_a_node_that_is_back(ros: RosWorld, guard:
     assert sum("was killed" in line for line in guard.said) == 1
 
 
-def test_the_guard_hears_a_map_that_is_not_latched(ros: RosWorld, guard: Process) -> None:
-    """As the node does."""
+@pytest.mark.parametrize("reliability", [ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT])
+def test_the_guard_hears_a_map_that_is_not_latched(
+    ros: RosWorld, guard: Process, reliability: ReliabilityPolicy
+) -> None:
+    """As the node does; also one that nobody sends again if it is lost."""
     user = ros.make_node("user")
-    publisher = user.create_publisher(type(room()), "/map", 1)
+    profile = QoSProfile(depth=1, reliability=reliability)
+    publisher = user.create_publisher(type(room()), "/map", profile)
     killed = Process(["-c", HEART])
     guard.wait_for("runs, and is guarded")
     ros.spin_until(publisher.get_subscription_count)

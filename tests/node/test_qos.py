@@ -260,6 +260,50 @@ def test_what_is_usually_latched_comes_also_from_publishers_that_do_not(
     assert found == [False, True]
 
 
+FOLLOWING = ["map", "tf_static", "octomap_point_cloud_centers"]
+
+
+@pytest.mark.parametrize("role", FOLLOWING)
+def test_what_is_usually_reliable_comes_also_by_best_effort(ros: RosWorld, role: str) -> None:
+    """Only while somebody publishes so; who latches the map goes before them."""
+    kind = message_class(INPUTS[role].type_name)
+    node, other = ros.make_node("ar_builder"), ros.make_node("other")
+    received: list[Any] = []
+    subscription = InputSubscription(node, role, received.append, "/some")
+    asked = []
+    reliable = other.create_publisher(kind, "/some", 10)
+    for profile in (None, QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)):
+        publisher = other.create_publisher(kind, "/some", profile) if profile else reliable
+        ros.spin_until(partial(has_publishers, node, "/some", 1 + bool(profile)))
+        subscription.follow()
+        asked.append(requested(subscription.subscription.qos_profile)[:2])
+        ros.spin_until(publisher.get_subscription_count)
+        publisher.publish(kind())
+        ros.spin_until(lambda: len(received) == len(asked))
+    other.destroy_publisher(publisher)
+    ros.spin_until(partial(has_publishers, node, "/some", 1))
+    subscription.follow()
+    asked.append(requested(subscription.subscription.qos_profile)[:2])
+    assert asked == [(first, "VOLATILE") for first in ("RELIABLE", "BEST_EFFORT", "RELIABLE")]
+
+
+@pytest.mark.parametrize("value", ["reliable", "best_effort"])
+def test_an_overridden_reliability_is_kept(ros: RosWorld, value: str) -> None:
+    """Of a subscription that is not latched, whatever the publishers offer."""
+    override = {"qos_overrides./some.subscription.reliability": value}
+    node, other = ros.make_node("ar_builder", parameters=override), ros.make_node("other")
+    subscription = InputSubscription(node, "map", print, "/some")
+    chosen, kind = ReliabilityPolicy[value.upper()], message_class(GRID)
+    for count, offered in enumerate(("RELIABLE", "BEST_EFFORT"), 1):
+        profile = QoSProfile(depth=1, reliability=ReliabilityPolicy[offered])
+        other.create_publisher(kind, "/some", profile)
+        ros.spin_until(partial(has_publishers, node, "/some", count))
+        subscription.follow()
+        assert subscription.subscription.qos_profile.reliability == chosen
+        (found,) = endpoints(node, "/some")
+        assert found.qos_profile.reliability == chosen
+
+
 @pytest.mark.parametrize("role", ["map", "camera/camera_info"])
 def test_an_overridden_durability_is_kept(ros: RosWorld, role: str) -> None:
     """Whatever the publishers offer."""
