@@ -60,7 +60,8 @@ class PopulationParameters:
     initial: Initial = parameter(
         Initial.EMPTY,
         "How many are there at the beginning, and after a jump of the clock: nobody, or as many as "
-        "after a long time, anywhere in the region.",
+        "after a long time, anywhere in the region of that moment; what a growing map adds later "
+        "begins empty.",
     )
     max_alive: int = parameter(
         200,
