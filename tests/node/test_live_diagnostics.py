@@ -167,7 +167,8 @@ def test_what_is_missing_is_an_error_after_a_while(make_bench: MakeBench, later:
 @pytest.mark.parametrize(
     ("overrides", "asked"),
     [
-        ({}, "reliable, volatile"),
+        ({}, "best effort, volatile"),
+        ({"qos_overrides./map.subscription.reliability": "reliable"}, "reliable, volatile"),
         (LATCHED_ONLY, "reliable, transient local"),
         (
             {**LATCHED_ONLY, "qos_overrides./map.subscription.reliability": "best_effort"},
