@@ -32,7 +32,7 @@ from are_ros.builder.scene import Scene
 from are_ros.builder.spawning.spawner import OutOfView, Spawning, check_zones
 from are_ros.conventions import IDLE_NS, seconds_to_ns
 from are_ros.errors import BehaviourError, CatalogueError, PlacementError, ScenarioError
-from are_ros.parameters.choices import Initial, Leave
+from are_ros.parameters.choices import Initial, Leave, Region
 from are_ros.parameters.model import Parameters
 from are_ros.population.arrivals import RandomSource
 from are_ros.population.artefact import Artefact, GroundPose, Origin, boxes_of, on_ground
@@ -136,9 +136,19 @@ class PopulationManager:
     @property
     def doubt_about_region(self) -> str:
         """Where nobody can arrive at random though somebody should, and why; empty if nowhere."""
+        return self._spawning.doubt_about_region if self._is_random else ""
+
+    @property
+    def awaits_robot(self) -> bool:
+        """Whether somebody is to arrive at random, but where depends on the robot's first pose."""
+        is_reachable = self._parameters.population.region is Region.REACHABLE
+        return self._is_random and is_reachable and self._robot is None and self.area_m2 == 0.0
+
+    @property
+    def _is_random(self) -> bool:
+        """Whether somebody is to arrive at random."""
         is_random = self.population.scripted.scenario.random
-        is_wanted = is_random and self._parameters.population.arrival_rate > 0.0
-        return self._spawning.doubt_about_region if is_wanted else ""
+        return is_random and self._parameters.population.arrival_rate > 0.0
 
     def record_scenario(self) -> ScenarioRecorder:
         """Record the run as a scenario; call it before the first `advance`."""

@@ -136,6 +136,8 @@ class NodeSnapshot:
     robot_problem: str = ""
     robot_beyond: str = ""
     """That the robot's pose is known, and not on the map."""
+    awaits_robot: bool = False
+    """Nobody arrives before the robot's pose is known."""
     camera_problem: str = ""
     cloud_problem: str = ""
     """Why the cloud of voxels that was received is not used yet."""
@@ -237,7 +239,8 @@ def robot_doubt(snapshot: NodeSnapshot) -> str:
     if is_early or snapshot.is_without_clock:
         return ""
     if snapshot.robot_problem:
-        return f"no pose of the robot, so nothing is perceived: {snapshot.robot_problem}"
+        nobody = " and nobody arrives" if snapshot.awaits_robot else ""
+        return f"no pose of the robot, so nothing is perceived{nobody}: {snapshot.robot_problem}"
     return snapshot.robot_beyond
 
 
@@ -617,6 +620,7 @@ class Reporter:
             "stamps_ahead_s": self._stamps_ahead_s(builder),
             "robot_problem": builder.robots.missing,
             "robot_beyond": _beyond(builder),
+            "awaits_robot": builder.lives.awaits_robot,
             "camera_problem": _camera_problem(builder),
             "cloud_problem": f"nothing joins its frame '{frame}' to the map" if frame else "",
             "ticks": live.watch.figures(now_ns),

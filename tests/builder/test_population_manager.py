@@ -146,6 +146,24 @@ def test_arrivals_begin_when_map_and_robot_are_known(make_scene: Make) -> None:
     assert scene.builder.lives.area_m2 == pytest.approx(38 * 38 * 0.01, abs=0.5)
 
 
+@pytest.mark.parametrize(
+    ("values", "waits"),
+    [({}, True), ({"population.region": "free"}, False), ({"population.arrival_rate": 0.0}, False)],
+)
+def test_it_tells_whether_arrivals_wait_for_the_robot(
+    make_scene: Make, values: dict[str, Any], *, waits: bool
+) -> None:
+    """Until its first pose, and not again when that is lost."""
+    scene = make_scene(BUSY | values)
+    scene.map(0.0)
+    scene.builder.advance(scene.ns(1.0))
+    assert scene.builder.lives.awaits_robot == waits
+    scene.robot(1.0, 1.0, 2.0)
+    for t_s in (1.1, 30.0):
+        scene.builder.advance(scene.ns(t_s))
+        assert not scene.builder.lives.awaits_robot
+
+
 def _boxes_at_arrival(artefacts: list[Artefact]) -> OrientedBoxes:
     poses = [one.ground_pose_at(one.arrival_ns) for one in artefacts]
     return boxes_of([one.row for one in artefacts], poses)

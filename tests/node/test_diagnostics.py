@@ -144,6 +144,8 @@ def test_the_log_says_why_there_is_no_pose_of_the_robot() -> None:
     lost = replace(WELL, robot_problem="frame 'odom' was not seen so far")
     expected = "no pose of the robot, so nothing is perceived: frame 'odom' was not seen so far"
     assert robot_doubt(lost) == expected
+    nobody = expected.replace("perceived:", "perceived and nobody arrives:")
+    assert robot_doubt(replace(lost, awaits_robot=True)) == nobody
     assert robot_doubt(replace(lost, active_s=4.9)) == ""
     assert robot_doubt(replace(lost, inputs=(NO_MAP,))) == ""
     assert robot_doubt(WELL) == ""
