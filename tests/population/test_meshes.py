@@ -189,6 +189,22 @@ def test_a_texture_becomes_its_colour_at_the_corners(tmp_path: Path) -> None:
     assert (mesh.visual.face_colors == (10, 200, 30, 255)).all()
 
 
+WITH_INDEX = b"""ply
+format ascii 1.0
+element vertex 3
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+end_header
+0 0 0
+1 0 0
+0 1 1
+3 0 1 INDEX
+"""
+
+
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
@@ -196,8 +212,11 @@ def test_a_texture_becomes_its_colour_at_the_corners(tmp_path: Path) -> None:
         ("notes.txt", b"hello", "is none of OBJ, STL, PLY, GLB"),
         ("empty.obj", b"# nothing\n", "holds no triangles"),
         ("short.stl", bytes(80) + b"\x0c\0\0\0" + bytes(70), "or is cut short"),
-        ("broken.glb", b"glTFxxxxxxxxx", "cannot be read"),
-        ("broken.ply", b"ply\nformat nonsense\n", "cannot be read"),
+        ("broken.glb", b"glTFxxxxxxxxx", "cannot be read: it is truncated or malformed"),
+        ("broken.ply", b"ply\nformat nonsense\n", "cannot be read: it is truncated or malformed"),
+        ("far.ply", WITH_INDEX.replace(b"INDEX", b"3"), "none of its 3 vertices"),
+        ("negative.ply", WITH_INDEX.replace(b"INDEX", b"-1"), "none of its 3 vertices"),
+        ("level.obj", b"v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n", "have not three coordinates"),
         ("nan.obj", b"v 0 0 1\nv 0 0 0\nv 1 0 0\nv 0 nan 1\nf 1 2 3\nf 2 3 4\n", "not finite"),
     ],
 )

@@ -120,10 +120,18 @@ def read_bodies(source: MeshFile) -> list[Any]:
         parts = [_placed(scene, node) for node in scene.graph.nodes_geometry]
     except Exception as cause:  # a broken file fails anywhere in trimesh's readers
         reason = " ".join(str(cause).split())
-        raise CatalogueError(f"the mesh file {source.path} cannot be read: {reason}") from cause
+        message = f"cannot be read: it is truncated or malformed ({reason})"
+        raise CatalogueError(f"the mesh file {source.path} {message}") from cause
     bodies = [part for part in parts if isinstance(part, trimesh.Trimesh) and len(part.faces)]
     if not bodies:
         raise CatalogueError(f"the mesh file {source.path} holds no triangles, or is cut short")
+    for body in bodies:
+        count, numbers = body.vertices.shape
+        if numbers != 3 or body.faces.min() < 0 or body.faces.max() >= count:
+            raise CatalogueError(
+                f"the mesh file {source.path} is malformed: a triangle has a corner that is none of"
+                f" its {count} vertices, or these have not three coordinates"
+            )
     return bodies
 
 
