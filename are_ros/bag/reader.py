@@ -255,6 +255,17 @@ def _recordings_in(folder: Path) -> list[Path]:
 
 
 _IDL_SEPARATOR = "=" * 80 + "\n"
+CDR: Final = "cdr"
+
+
+def encoding_of(connection: Any) -> str:
+    """Return how the messages of a connection are encoded; those of ROS 1 count as CDR."""
+    return str(getattr(connection.ext, "serialization_format", CDR))
+
+
+def not_cdr(encoding: str) -> str:
+    """Return why messages cannot be used, as the end of a sentence about them."""
+    return f"encoded as {encoding}, not as CDR"
 
 
 def _typestore_of(connection: Any, *, is_ros1: bool) -> Any:
@@ -263,10 +274,9 @@ def _typestore_of(connection: Any, *, is_ros1: bool) -> Any:
     A type without a definition is taken from ROS 2 Jazzy or ROS 1 Noetic. BagError if it is not
     known there, its definition cannot be understood, or the messages are not CDR.
     """
-    encoding = getattr(connection.ext, "serialization_format", "cdr")
-    if encoding != "cdr":
-        message = f"{connection.topic}: its messages are encoded as {encoding}, not as CDR"
-        raise BagError(message)
+    encoding = encoding_of(connection)
+    if encoding != CDR:
+        raise BagError(f"{connection.topic}: its messages are {not_cdr(encoding)}")
     if connection.msgdef.format == MessageDefinitionFormat.NONE or not connection.msgdef.data:
         store = get_typestore(Stores.ROS1_NOETIC) if is_ros1 else jazzy_typestore()
         if connection.msgtype not in store.fielddefs:
@@ -524,7 +534,8 @@ class BagTopic:
 
     `is_latched`: a late subscriber gets the last message (transient local, latched).
     `is_reliable`: some publisher of it was, as all are in ROS 1.
-    A topic that was recorded with two types appears twice.
+    `encoding`: as `encoding_of`.
+    A topic that was recorded with two types, or encodings, appears twice.
     """
 
     name: str
@@ -532,6 +543,7 @@ class BagTopic:
     count: int
     is_latched: bool
     is_reliable: bool = True
+    encoding: str = CDR
 
 
 class BagMessage(NamedTuple):
@@ -618,15 +630,15 @@ class BagReader:
     @property
     def topics(self) -> tuple[BagTopic, ...]:
         """The topics, in order of name, counted over all recordings."""
-        found: dict[tuple[str, str], BagTopic] = {}
+        found: dict[tuple[str, str, str], BagTopic] = {}
         for connection in self.connections():
-            key = (connection.topic, connection.msgtype)
+            key = (connection.topic, connection.msgtype, encoding_of(connection))
             count, latched = connection.msgcount, _is_latched(connection)
             reliable = _is_reliable(connection)
             if key in found:
                 count, latched = count + found[key].count, latched or found[key].is_latched
                 reliable = reliable or found[key].is_reliable
-            found[key] = BagTopic(*key, count, latched, reliable)
+            found[key] = BagTopic(*key[:2], count, latched, reliable, key[2])
         return tuple(found[key] for key in sorted(found))
 
     def messages(

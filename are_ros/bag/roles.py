@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from are_ros.bag.clock import base_frame_of, chain_above
-from are_ros.bag.reader import BagReader, BagTopic
+from are_ros.bag.reader import CDR, BagReader, BagTopic, not_cdr
 from are_ros.bag.recording import PREFIX
 from are_ros.bag.types import OCTOMAP_TYPE
 from are_ros.builder.assembly import parse_static_transforms
@@ -128,12 +128,14 @@ def find_roles(
 
     A topic that another role has by name is not considered. Where two roles share a type, the name
     decides ("octomap", "static"); centres of voxels go before octrees. Of several CameraInfo that
-    beside the image is taken, else that beside the depth image. Topics without messages do not
-    count, nor do the node's own, nor clouds that are `standing`, unless an override names one.
+    beside the image is taken, else that beside the depth image. Topics without messages, or
+    with such as are not CDR, do not count, nor do the node's own, nor clouds that are `standing`,
+    unless an override names one.
     BagError for an override of an unknown role, with an absent topic, or one of another type.
     """
     chosen = {role: _overridden(topics, role, name) for role, name in overrides.items()}
-    filled = [topic for topic in topics if topic.count > 0 and PREFIX not in topic.name]
+    usable = [topic for topic in topics if topic.count > 0 and topic.encoding == CDR]
+    filled = [topic for topic in usable if PREFIX not in topic.name]
     for role in ROLE_TYPES:
         if role not in chosen:
             default = _named(filled, f"/{role}", role)
@@ -384,6 +386,8 @@ def _why_no_default(role: str, topics: Sequence[BagTopic]) -> str:
         return f"there is no /{role}"
     if same[0].type_name not in ROLE_TYPES[role]:
         return f"/{role} is of type {same[0].type_name}"
+    if same[0].encoding != CDR:
+        return f"/{role} is {not_cdr(same[0].encoding)}"
     return f"/{role} holds no message"
 
 

@@ -7,7 +7,7 @@ from heapq import merge
 from operator import itemgetter
 from typing import Final
 
-from are_ros.bag.clock import CLOCK_TOPIC, MOVING_ROLES, BagClock, RecordedTimes
+from are_ros.bag.clock import MOVING_ROLES, BagClock, RecordedTimes
 from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.recording import PREFIX
 from are_ros.bag.roles import TF_TYPES, find_roles
@@ -16,7 +16,13 @@ from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
 from are_ros.node.startup import ros_session
 from are_ros.record.lockstep import Lockstep, Pace, ShouldStop
-from are_ros.record.publishers import ClockPublisher, PlayedTopics, PlayOptions, await_subscribers
+from are_ros.record.publishers import (
+    OWN_CLOCK,
+    ClockPublisher,
+    PlayedTopics,
+    PlayOptions,
+    await_subscribers,
+)
 from are_ros.replay.progress import OpenProgress, Progress, Say
 from are_ros.wording import counted, duration_text
 
@@ -156,7 +162,7 @@ class PlayOutcome:
     @property
     def is_whole(self) -> bool:
         """Whether all was played that is to be; a recorded /clock is not where the player's is."""
-        return self.skipped.keys() <= {CLOCK_TOPIC}
+        return set(self.skipped.values()) <= {OWN_CLOCK}
 
 
 def play(

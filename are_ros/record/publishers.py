@@ -15,7 +15,7 @@ from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 
 from are_ros.bag.clock import CLOCK_TOPIC
-from are_ros.bag.reader import BagMessage, BagReader, BagTopic
+from are_ros.bag.reader import CDR, BagMessage, BagReader, BagTopic, encoding_of, not_cdr
 from are_ros.bag.roles import TF_TYPES, slashed
 from are_ros.bag.types import ros2_type
 from are_ros.conventions import NS_PER_S
@@ -84,10 +84,12 @@ LARGE_BYTES: Final = 60_000
 _DEPTH: Final = 100
 _ADDING_TYPES: Final = (*TF_TYPES, "rcl_interfaces/msg/Log")
 """A message of these adds to those before it; any other latched one takes their place."""
+OWN_CLOCK: Final = "the player tells the time itself"
+"""Why a recorded /clock is not played."""
 
 
 class PlayedTopics:
-    """Publishes recorded messages; topics whose type is not installed are skipped, with a reason.
+    """Publishes recorded messages; topics that cannot be published are skipped, with a reason.
 
     Quality of service is as recorded, but the topics `lasting` are latched, reliably, which serves
     whoever asks for less, too; in lockstep all publishers are reliable.
@@ -121,7 +123,8 @@ class PlayedTopics:
         A topic that was recorded with two types is played with the first.
         """
         topic, recorded = message.topic, self._topics[message.topic]
-        if message.connection.msgtype != recorded.type_name:
+        kind = message.connection.msgtype, encoding_of(message.connection)
+        if kind != (recorded.type_name, recorded.encoding):
             return
         if self._reader.is_ros1:
             try:
@@ -167,7 +170,9 @@ class PlayedTopics:
         type_name = ros2_type(topic.type_name)
         target = options.target(topic.name)
         if CLOCK_TOPIC in (topic.name, slashed(target)) and options.clock_hz:
-            raise NodeError("the player tells the time itself")
+            raise NodeError(OWN_CLOCK)
+        if topic.encoding != CDR:
+            raise NodeError(f"its messages are {not_cdr(topic.encoding)}")
         if topic.name in self._topics:
             played = ros2_type(self._topics[topic.name].type_name)
             raise NodeError(f"as {type_name}, since it is played as {played}")

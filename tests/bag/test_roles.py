@@ -122,6 +122,16 @@ def test_a_topic_without_messages_does_not_count() -> None:
     assert find_roles([empty, *topics(front=SCAN)], {}).topic("scan") == "/front"
 
 
+def test_a_topic_that_is_not_cdr_does_not_count() -> None:
+    """Other programs write JSON beside ROS's messages, in types that are named as ROS's."""
+    odd = BagTopic("/scan", SCAN, 5, False, encoding="json")
+    roles = find_roles([odd], {})
+    assert roles.topic("scan") is None
+    said = "scan: /scan is encoded as json, not as CDR, and no other topic serves"
+    assert roles.sentences() == (said,)
+    assert find_roles([odd, *topics(front=SCAN)], {}).topic("scan") == "/front"
+
+
 def test_one_tf_topic_is_not_taken_twice() -> None:
     """The only TFMessage topic, /tf, is not the static one as well."""
     roles = find_roles(topics(tf=TF), {})

@@ -307,6 +307,30 @@ def test_types_that_are_not_installed_are_skipped(ros: RosWorld, tmp_path: Path)
     assert run.outcome.counts == {"/a": 1}
 
 
+@pytest.mark.parametrize("plugin", list(StoragePlugin))
+def test_messages_that_are_not_cdr_are_skipped(
+    ros: RosWorld, tmp_path: Path, plugin: StoragePlugin
+) -> None:
+    """DDS would take the bytes as they are. A /clock that is not sent so is missed, too."""
+    store = jazzy_typestore()
+    kinds = {"/a": (STRING, "cdr"), "/clock": ("rosgraph_msgs/msg/Clock", "json")}
+    word = bytes(store.serialize_cdr(RosbagsFactory().make(STRING, data="word"), STRING))
+    with Ros2Writer(tmp_path / "bag", version=9, storage_plugin=plugin) as writer:
+        for topic, (kind, encoding) in kinds.items():
+            connection = writer.add_connection(
+                topic, kind, typestore=store, serialization_format=encoding
+            )
+            writer.write(connection, START_NS, word if encoding == "cdr" else b"{}")
+    (file,) = (path for path in (tmp_path / "bag").iterdir() if path.suffix != ".yaml")
+    heard = listen(ros, ("/a",))
+    with ros.spinning():
+        run = played(file, clock_hz=0.0, **FAST)
+        ros.spin_until(lambda: heard)
+    assert run.sentences == ["/clock is not played: its messages are encoded as json, not as CDR"]
+    assert run.outcome.counts == {"/a": 1}
+    assert not run.outcome.is_whole
+
+
 def test_names_that_ros2_does_not_allow_are_skipped(ros: RosWorld, tmp_path: Path) -> None:
     """ROS 1 and other tools allow more; --remap, which the sentence names, helps."""
     bag = write_strings(tmp_path / "names.mcap", [("/camera-1", 0.0, "x"), ("/a", 0.1, "y")])
@@ -355,6 +379,7 @@ def test_a_recorded_clock_gives_way(ros: RosWorld, tmp_path: Path) -> None:
     assert values == clock_values(START_NS, at_ns(0.2) + 1, GRID_NS)
     assert any("/clock" in sentence for sentence in run.sentences)
     assert run.outcome.skipped.keys() == {"/clock"}
+    assert run.outcome.is_whole
 
 
 def test_outputs_of_a_node_are_played_and_named(ros: RosWorld, tmp_path: Path) -> None:
