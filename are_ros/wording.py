@@ -1,6 +1,7 @@
 """Text for people: counted nouns, lists, durations, and columns."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Final
 
 from are_ros.conventions import NS_PER_S
@@ -35,7 +36,9 @@ def percent(share: float) -> str:
 def why_refused(cause: OSError) -> str:
     """Return the reason of an OSError in words."""
     if isinstance(cause, FileExistsError):
-        return "it is a file"
+        path = Path(cause.filename or "")
+        is_lost = path.is_symlink() and not path.exists()
+        return f"{path.name} is a link that leads nowhere" if is_lost else "it is a file"
     if isinstance(cause, IsADirectoryError):
         return "it is a folder"
     return (cause.strerror or str(cause)).lower()

@@ -41,8 +41,14 @@ def test_what_the_system_refuses_is_said_in_one_wording(tmp_path: Path) -> None:
     """A file or a folder where the other should be; else the system's own words."""
     file = tmp_path / "file"
     file.touch()
+    (tmp_path / "lost").symlink_to(tmp_path / "nowhere")
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    (tmp_path / "link").symlink_to(file)
     for refused, said in (
         (file.mkdir, "it is a file"),
+        ((tmp_path / "link").mkdir, "it is a file"),
+        ((tmp_path / "lost").mkdir, "lost is a link that leads nowhere"),
+        ((tmp_path / "loop").mkdir, "loop is a link that leads nowhere"),
         (lambda: tmp_path.write_text(""), "it is a folder"),
         ((file / "below").mkdir, "not a directory"),
         (lambda: (tmp_path / "no" / "x").write_text(""), "no such file or directory"),
