@@ -15,9 +15,16 @@ from are_ros.world.transforms.tree import FrameTree
 
 _CLOCKS_FROM_ZERO_NS: Final = 366 * 86_400 * NS_PER_S
 """Simulated clocks begin at 0, too; none runs for a year."""
-WITHOUT_STAMP: Final = "is stamped 0, so nobody knows when it was"
+WITHOUT_STAMP: Final = "so nobody knows when it was"
 TOO_OLD: Final = "s old"
 """The ends of the reasons why a transform gives no pose."""
+
+
+def without_stamp(stamp_ns: int) -> str:
+    """Return what is wrong with what has this stamp [ns], which is 0 or less."""
+    return f"is stamped {'before 1970' if stamp_ns else 0}, {WITHOUT_STAMP}"
+
+
 _USUAL_BASES = ("base_footprint", "base_link")
 
 
@@ -111,8 +118,8 @@ class RobotTracker:
         """Return the reason, which names the transform that is awaited."""
         target, age_ns = self._map_frame, now_ns - stamp_ns
         what = f"the latest transform from '{frame}' to '{target}'"
-        if not stamp_ns and age_ns > _CLOCKS_FROM_ZERO_NS:
-            return f"{what} {WITHOUT_STAMP}"
+        if stamp_ns <= 0 and age_ns > _CLOCKS_FROM_ZERO_NS:
+            return f"{what} {without_stamp(stamp_ns)}"
         edge = self._frames.ending_at(target, frame, stamp_ns)
         want = "" if edge in {"", f"{target} -> {frame}"} else f"for want of a newer {edge}, "
         return f"{want}{what} is {age_ns * 1e-9:.3f} {TOO_OLD}"

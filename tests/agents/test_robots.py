@@ -85,14 +85,16 @@ def test_a_pose_that_is_too_old_names_the_transform_that_has_ended(
     assert robots.missing.startswith(f"for want of a newer {awaited}, the latest transform from")
 
 
-def test_a_transform_without_a_stamp_is_told_as_such() -> None:
+@pytest.mark.parametrize(("stamp_ns", "word"), [(0, "0"), (-5, "before 1970")])
+def test_a_transform_without_a_stamp_is_told_as_such(stamp_ns: int, word: str) -> None:
     """Where the clock is that of a calendar; in simulated time it is only old."""
     robots, frames = tracker()
-    frames.set_transform("map", "base_link", 0, (1.0, 2.0, 0.0), NO_TURN)
+    frames.set_transform("map", "base_link", stamp_ns, (1.0, 2.0, 0.0), NO_TURN)
     assert robots.pose(60) is None
     assert robots.missing.endswith("s old")
     assert robots.pose(1_700_000_000_000_000_000) is None
-    assert "'base_link' to 'map' is stamped 0, so nobody knows when it was" in robots.missing
+    said = f"'base_link' to 'map' is stamped {word}, so nobody knows when it was"
+    assert said in robots.missing
 
 
 def test_the_footprint_lies_where_the_robot_stands() -> None:

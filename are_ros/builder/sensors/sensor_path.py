@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple, Protocol
 
-from are_ros.agents.robots import WITHOUT_STAMP
+from are_ros.agents.robots import without_stamp
 from are_ros.builder.sensors.obstacles import Obstacles
 from are_ros.conventions import NEVER_NS, NS_PER_S
 from are_ros.errors import FrameError, InputError
@@ -253,8 +253,8 @@ class SensorPath:
         age_ns = now_ns - reading.stamp_ns
         if age_ns <= self._history_ns:
             return False
-        problem = f"it {WITHOUT_STAMP}: let its driver stamp it"
-        if reading.stamp_ns:
+        problem = f"it {without_stamp(reading.stamp_ns)}: let its driver stamp it"
+        if reading.stamp_ns > 0:
             problem = (
                 f"its stamp is {age_ns / NS_PER_S:.1f} s old, but the artefacts' poses are kept for"
                 f" {self._history_ns / NS_PER_S:g} s only (poses.history); {CLOCKS_DIFFER}"

@@ -169,7 +169,7 @@ class Inspection:
         times, placed = self.times, self.frames.connected_to(self.map_frame)
         waits = scan_waits(times, self.clock, self.map_frame, given_edges)
         for topic, waits_ns in waits.items():
-            is_stamped = times.scans[topic].stamps_ns.any()
+            is_stamped = (times.scans[topic].stamps_ns > 0).any()
             if len(waits_ns) or (is_stamped and times.scan_frames[topic] in placed):
                 noun = noun_of(self.role_of_topic.get(topic, "scan"))
                 known_ns = in_reach(waits_ns, history_s)
@@ -566,16 +566,16 @@ def _misfits(readings: Mapping[str, Any]) -> Iterable[str]:
 
 
 def _missing_stamps(times: RecordedTimes) -> Iterable[str]:
-    """Say which readings and moving transforms were stamped 0, always or for a time."""
+    """Say which readings and moving transforms were stamped 0 or before, always or for a time."""
     several = [one for one in (*times.scans.values(), *times.edges.values()) if len(one.log_ns) > 1]
-    unstamped = [one.name for one in several if not one.stamps_ns.any()]
+    unstamped = [one.name for one in several if not (one.stamps_ns > 0).any()]
     if unstamped:
         yield (
-            f"no message of {listed(unstamped)} has a stamp, so nobody knows when it was: let its"
-            " publisher stamp it, and record anew"
+            f"no message of {listed(unstamped)} has a stamp, which is a time after 1970, so nobody"
+            " knows when it was: let its publisher stamp it, and record anew"
         )
     for one in several:
-        count = int(np.count_nonzero(one.stamps_ns == 0))
+        count = int(np.count_nonzero(one.stamps_ns <= 0))
         if count > 1 and one.name not in unstamped:
             yield (
                 f"{count} of {counted(len(one.stamps_ns), 'message')} of {one.name} have no stamp,"

@@ -433,15 +433,16 @@ def test_a_base_that_stands_beside_what_moves_is_joined_to_that(
     assert '--static-tf "X Y Z YAW PITCH ROLL map odom"' in no_pose
 
 
-def test_what_is_stamped_0_is_missing_its_stamps(
-    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+@pytest.mark.parametrize("stamp_ns", [0, -S])
+def test_what_is_stamped_0_or_before_is_missing_its_stamps(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag, stamp_ns: int
 ) -> None:
     """A driver that does not stamp, and transforms from one; a static one may have stamp 0."""
     statics = [transform("base_link", "laser", 0), transform("map", "odom", 0)]
     records = [("/tf_static", 0, make_transforms(factory, statics))]
     records += [("/odom", k * S // 10, odometry(factory, k * S // 10)) for k in range(20)]
-    records += [("/scan", k * S // 10, scan(factory, 0)) for k in range(20)]
-    arm = [transform("base_link", "arm", 0)]
+    records += [("/scan", k * S // 10, scan(factory, stamp_ns)) for k in range(20)]
+    arm = [transform("base_link", "arm", stamp_ns)]
     records += [("/tf", k * S // 10, make_transforms(factory, arm)) for k in range(20)]
     path = write_bag(tmp_path / "bag.mcap", sorted(records, key=lambda record: record[1]))
     (unstamped,) = inspected(path, has_map_file=True).missing
