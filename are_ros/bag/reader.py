@@ -45,7 +45,9 @@ _REINDEX = "it ends too early or is damaged; `rosbag reindex` may repair it"
 _RECOVER = "it ends too early (an interrupted recording?); `mcap recover` may repair it"
 _DAMAGED = "a part of it is damaged; `mcap recover` may save the rest"
 _OTHER_KIND = "its first bytes are not those of a bag of this kind"
-_DATABASE = "it is no rosbag2 database, or a damaged one; `sqlite3 FILE .recover` may save a part"
+_DATABASE = "it ends too early or is damaged; `sqlite3 FILE .recover` may save a part"
+_OTHER_DATABASE = "it is no rosbag2 database"
+_FILES = "; give the files in it"
 
 _UNSORTED = "its messages are not in order of time, and have no index; `mcap recover` writes one"
 
@@ -61,9 +63,15 @@ _SENTENCES = (
     ("invalid magic", _OTHER_KIND),
     ("seems to be empty", "the file is empty"),
     ("Profile is not ros2", "it is an MCAP file of another kind than ROS 2"),
-    ("Could not load YAML", "its metadata.yaml is malformed"),
-    ("Invalid bag metadata", "its metadata.yaml is empty or no rosbag2 metadata"),
-    ("Rosbag2 version", "its metadata.yaml is of an unknown version; give the files in it"),
+    ("Could not load YAML", f"its metadata.yaml is malformed{_FILES}"),
+    ("Invalid bag metadata", f"its metadata.yaml is empty or no rosbag2 metadata{_FILES}"),
+    ("metadata key is missing", f"its metadata.yaml lacks a part of rosbag2's metadata{_FILES}"),
+    ("Rosbag2 version", f"its metadata.yaml is of an unknown version{_FILES}"),
+    ("Serialization format", f"its metadata.yaml names topics that are not CDR{_FILES}"),
+    ("Storage plugin", f"its metadata.yaml names another storage than mcap and sqlite3{_FILES}"),
+    ("Compression format", "its files are not compressed by zstd; decompress and give them"),
+    ("is not a database", f"{_OTHER_DATABASE}, or its beginning is damaged"),
+    ("missing tables", f"{_OTHER_DATABASE}, or an empty one"),
     ("database", _DATABASE),
     ("checksum mismatch", _DAMAGED),
     ("not in timestamp order", _UNSORTED),
@@ -481,6 +489,11 @@ class _UriPath(type(Path())):  # type: ignore[misc] # the class of this system's
     def __format__(self, form: str) -> str:
         """Return the path with %, ? and #, which mean something in an URI, in other words."""
         return format(quote(str(self)), form)
+
+    @property
+    def stem(self) -> str:
+        """The name of the copy that rosbags makes of a compressed one, without such characters."""
+        return quote(super().stem).replace("%", "_")
 
 
 _TIMES_END_NS: Final = 2**63 - 1

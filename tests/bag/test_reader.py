@@ -140,6 +140,25 @@ def test_compressed_recordings_are_read(tmp_path: Path, words: list[tuple[str, i
     assert path.suffix == ".db3"
 
 
+@pytest.mark.parametrize("name", ["a#b", "a?b", "a%20b"])
+def test_a_compressed_database_may_have_any_name(
+    tmp_path: Path, words: list[tuple[str, int, Any]], name: str
+) -> None:
+    """What is read is a copy of it, which rosbags names after it."""
+    store = jazzy_typestore()
+    writer = Ros2Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.SQLITE3)
+    writer.set_compression(CompressionMode.FILE, CompressionFormat.ZSTD)
+    with writer:
+        connection = writer.add_connection("/a", STRING, typestore=store)
+        writer.write(connection, 1, store.serialize_cdr(words[0][2], STRING))
+    (file,) = (tmp_path / "bag").glob("*.zstd")
+    renamed = file.rename(file.with_name(f"{name}.db3.zstd"))
+    metadata = tmp_path / "bag" / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace(file.name, renamed.name))
+    with BagReader([tmp_path / "bag"]) as reader:
+        assert texts(reader) == [("/a", 1, "one")]
+
+
 @pytest.fixture
 def in_two_files(tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag) -> Path:
     """Return a folder of two files, the later one first, that overlap by seconds."""
@@ -406,6 +425,22 @@ def write_mcap(path: Path, times: list[int], **options: Any) -> Path:
     return path
 
 
+def test_a_database_that_cannot_be_read_is_said_for_what_it_is(
+    tmp_path: Path, write_bag: WriteBag, words: list[tuple[str, int, Any]]
+) -> None:
+    """Cut off, empty, or something else."""
+    data = write_bag(tmp_path / "bag.db3", words).read_bytes()
+    path = tmp_path / "odd.db3"
+    for content, said in (
+        (data[:-4096], "it ends too early or is damaged; `sqlite3 FILE .recover` may save a part"),
+        (b"", "it is no rosbag2 database, or an empty one"),
+        (b"words" * 1000, "it is no rosbag2 database, or its beginning is damaged"),
+    ):
+        path.write_bytes(content)
+        with pytest.raises(BagError, match=f": {said}$"):
+            BagReader([path]).__enter__()
+
+
 def test_an_mcap_with_topics_and_no_messages_lacks_no_index(tmp_path: Path) -> None:
     """There is nothing to recover, as in a database without messages."""
     path = write_mcap(tmp_path / "bag.mcap", [])
@@ -610,16 +645,35 @@ def test_a_folder_that_lost_its_file_is_said(
         BagReader([file.parent]).__enter__()
 
 
-def test_metadata_of_a_version_to_come_is_said(
-    tmp_path: Path, write_bag: WriteBag, words: list[tuple[str, int, Any]]
+@pytest.mark.parametrize(
+    ("changed", "words_of_it"),
+    [
+        ({"version": 99}, "is of an unknown version"),
+        ({"version": None}, "is empty or no rosbag2 metadata"),
+        ({"storage_identifier": "sqlite4"}, "names another storage than mcap and sqlite3"),
+        ({"duration": ...}, "lacks a part of rosbag2's metadata"),
+        ({"serialization_format": "json"}, "names topics that are not CDR"),
+    ],
+)
+def test_metadata_that_are_not_understood_are_said(
+    tmp_path: Path,
+    write_bag: WriteBag,
+    words: list[tuple[str, int, Any]],
+    changed: dict[str, Any],
+    words_of_it: str,
 ) -> None:
-    """Of a newer rosbag2; the file itself is read all the same."""
+    """As of a newer rosbag2; the file itself is read all the same."""
     file = write_bag(tmp_path / "bag.mcap", words)
     metadata = file.parent / "metadata.yaml"
     content = yaml.safe_load(metadata.read_text())
-    content["rosbag2_bagfile_information"]["version"] = 99
+    information = content["rosbag2_bagfile_information"]
+    topic = information["topics_with_message_count"][0]["topic_metadata"]
+    for key, value in changed.items():
+        (topic if key in topic else information)[key] = value
+        if value is ...:
+            del information[key]
     metadata.write_text(yaml.safe_dump(content))
-    said = r"its metadata\.yaml is of an unknown version; give the files in it"
+    said = rf"its metadata\.yaml {words_of_it}; give the files in it"
     with pytest.raises(BagError, match=said):
         BagReader([file.parent]).__enter__()
     with BagReader([file]) as reader:

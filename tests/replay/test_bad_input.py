@@ -107,7 +107,7 @@ CASES = (
     (("replay", "cut.mcap"), "cut.mcap: it ends too early"),
     (("inspect", "spoiled.mcap"), "spoiled.mcap: a part of it is damaged; `mcap recover` may save"),
     (("replay", "cut.bag"), "cut.bag: it ends too early or is damaged; `rosbag reindex`"),
-    (("replay", "cut.db3"), "cut.db3: it is "),
+    (("replay", "cut.db3"), "cut.db3: it ends too early or is damaged; `sqlite3 FILE .recover`"),
     (("replay", "empty/empty.mcap"), "the recording holds no message"),
     (("replay", "no_metadata"), "a folder without metadata.yaml is no rosbag2 recording; give"),
     (("replay", "good.mcap", "whole_bag.bag"), "ROS 1 and of ROS 2 cannot be read together"),
