@@ -168,7 +168,8 @@ _MILLIMETRES, _METRES, _INVERSE = range(3)
 class DepthFrame:
     """The depths of an image: numbers (H, W) as they are stored, and what they mean.
 
-    `rest` is all else that has to stay: sizes, names, bytes of padding.
+    `rest` is all else that has to stay: sizes, names, bytes of padding. `kind` is the encoding: that
+    of other images of 16 bits, which are none of depths, may be another.
     """
 
     stamp_ns: int
@@ -178,6 +179,7 @@ class DepthFrame:
     rest: tuple[Any, ...]
     code: int
     ab: tuple[float, float] = (0.0, 0.0)
+    kind: str = ""
 
     @property
     def depths_m(self) -> Floats:
@@ -232,7 +234,7 @@ class DepthFrame:
         sizes = message.height, message.width, message.step
         rest = (*sizes, message.encoding, bool(message.is_bigendian), rows[:, used:].tobytes())
         code = _METRES if message.encoding == "32FC1" else _MILLIMETRES
-        return cls(*when, numbers, rest, code)
+        return cls(*when, numbers, rest, code, kind=message.encoding)
 
     @classmethod
     def _of_compressed(cls, message: Any, stamp_ns: int, at_ns: int, frame_id: str) -> "DepthFrame":
@@ -249,7 +251,7 @@ class DepthFrame:
         is_inverse = str(message.format).partition(";")[0].strip() == "32FC1"
         rest = (numbers.shape, message.format, data[: _HEADER.size].tobytes())
         code = _INVERSE if is_inverse else _MILLIMETRES
-        return cls(stamp_ns, at_ns, frame_id, numbers, rest, code, (a, b))
+        return cls(stamp_ns, at_ns, frame_id, numbers, rest, code, (a, b), message.format)
 
 
 def holds_depths(message: Any) -> bool:

@@ -37,7 +37,8 @@ _GAP: Final = 1.5
 """In usual distances of scans: farther apart, there was one in between."""
 
 
-_Key = tuple[int, str, type]
+_Key = tuple[int, str, Any]
+"""Stamp, frame and kind of a reading."""
 _Pair = tuple[str, Any, str, Any]
 """Topic and reading of an input, and of the output that was made of it."""
 
@@ -91,7 +92,8 @@ class Pairs:
 
     def __init__(self) -> None:
         self.pairs = 0
-        self.input_topics: dict[str, type] = {}
+        self.input_topics: dict[tuple[str, Any], set[str]] = {}
+        """By frame and kind."""
         self._inputs: dict[_Key, list[tuple[str, Any]]] = {}
         self._recent: dict[str, deque[_Key]] = {}
         self._outputs: dict[_Key, list[tuple[str, Any]]] = {}
@@ -105,22 +107,23 @@ class Pairs:
 
         Of the inputs of a topic the last `most_waiting` are kept: it may be augmented or not.
         """
-        key = (reading.stamp_ns, reading.frame_id, type(reading))
+        key = (reading.stamp_ns, reading.frame_id, getattr(reading, "kind", type(reading)))
+        sources = self.input_topics.get(key[1:], set())
         if topic.startswith(PREFIX):
             self._outputs.setdefault(key, []).append((topic, reading))
         else:
-            self.input_topics[topic] = type(reading)
+            sources = self.input_topics.setdefault(key[1:], sources)
+            sources.add(topic)
             self._inputs.setdefault(key, []).append((topic, reading))
             recent = self._recent.setdefault(topic, deque())
             recent.append(key)
             if len(recent) > most_waiting:
                 self._drop(recent.popleft(), topic)
         inputs, outputs = self._inputs.pop(key, []), self._outputs.pop(key, [])
-        is_only = list(self.input_topics.values()).count(key[2]) == 1
         found: list[_Pair] = []
         for output in list(outputs):
             own = [i for i, each in enumerate(inputs) if _is_of(output[0], each[0])]
-            if own or (inputs and is_only):
+            if own or (inputs and len(sources) == 1):
                 found.append((*inputs.pop(own[0] if own else 0), *output))
                 outputs.remove(output)
         if inputs:

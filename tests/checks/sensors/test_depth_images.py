@@ -304,3 +304,16 @@ def test_a_sensor_that_is_not_augmented_drops_no_input_of_another() -> None:
     assert [len(one) for one in found] == [1] * 150
     late = [len(pairs.matched("/ar_builder/points", _Cloud(k), 100)) for k in range(150)]
     assert late == [0] * 50 + [1] * 100
+
+
+@pytest.mark.parametrize("other", [{"kind": "mono16"}, {"frame_id": "thermal"}])
+def test_an_image_of_16_bits_of_another_kind_or_frame_is_not_the_input_of_depths(
+    other: dict[str, str],
+) -> None:
+    """As that of an infrared camera beside one of depths, whose output has the name of its role."""
+    pairs, depths = Pairs(), replace(frame(np.ones((24, 32))), kind="16UC1")
+    for topic, image in (("/ir/image_raw", replace(depths, **other)), ("/depth/image_raw", depths)):
+        assert pairs.matched(topic, image, 100) == []
+    ((source, _, _, _),) = pairs.matched("/ar_builder/depth/image", depths, 100)
+    assert source == "/depth/image_raw"
+    assert pairs.unmatched() == []
