@@ -406,6 +406,7 @@ def soak(**options: Any) -> None:
     from are_ros.lab.soak import soak as run
     from are_ros.replay.command import effective_parameters
     from are_ros.replay.output_folder import no_empty_folders, prepare_folder
+    from are_ros.replay.progress import SLOW_S
     from are_ros.world.map_io import read_map_file
 
     parameters = effective_parameters(
@@ -420,7 +421,7 @@ def soak(**options: Any) -> None:
         bar_format=_LAYOUT if is_shown else f"{_LAYOUT}\n",
         mininterval=interval_s,
         maxinterval=_LOGGED_EVERY_S,
-        delay=1.0,
+        delay=SLOW_S,
     )
 
     def move(done_min: float) -> None:

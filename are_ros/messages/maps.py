@@ -12,7 +12,7 @@ from are_ros.messages.cdr import CdrWriter
 from are_ros.messages.common import read_array, read_quaternion, read_time, read_vector
 from are_ros.messages.sensors import read_cloud
 from are_ros.world.occupancy_grid import OccupancyGrid
-from are_ros.world.voxel_files.octomap import OctreeHeader, read_octree
+from are_ros.world.voxel_files.octomap import FINEST_M, WIDEST_M, OctreeHeader, read_octree
 
 
 def read_grid(message: Any, source: str = "map") -> OccupancyGrid:
@@ -75,8 +75,8 @@ def read_voxels(message: Any, source: str = "octomap") -> tuple[Points, float | 
     if not hasattr(message, "binary"):
         return read_cloud(message, source).points_m(), None
     resolution_m = float(message.resolution)
-    if not 0.0 < resolution_m < np.inf:
-        raise InputError(f"{source}: the octomap's resolution is {resolution_m}")
+    if not FINEST_M < resolution_m <= WIDEST_M:
+        raise InputError(f"{source}: the octomap's resolution is {resolution_m}, no width of a voxel")
     header = OctreeHeader(str(message.id), not message.binary, resolution_m)
     try:
         centres_m = read_octree(source, read_array(message.data, np.int8).tobytes(), header)

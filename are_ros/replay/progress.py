@@ -19,13 +19,14 @@ Progress = Callable[[int], None]
 OpenProgress = Callable[[int, int], Progress]
 """Takes the first and the last time [ns]; returns what takes the time reached."""
 
-_SLOW_S = 2.0
+SLOW_S = 2.0
+"""What takes longer is told of, or has a bar."""
 
 
 @contextmanager
 def said_if_slow(say: Say, sentence: str) -> Iterator[None]:
     """Say a sentence if the block is not over after two seconds."""
-    timer = threading.Timer(_SLOW_S, say, (sentence,))
+    timer = threading.Timer(SLOW_S, say, (sentence,))
     timer.start()
     try:
         yield
@@ -107,7 +108,7 @@ class CountBar:
 
     def __init__(self, name: str) -> None:
         self._bar: tqdm[NoReturn] = tqdm(
-            desc=name, bar_format=_COUNTED, leave=True, disable=None, delay=_SLOW_S, total=1
+            desc=name, bar_format=_COUNTED, leave=True, disable=None, delay=SLOW_S, total=1
         )
 
     def __enter__(self) -> "CountBar":  # noqa: PYI034 (Self came with Python 3.11)

@@ -66,7 +66,7 @@ def test_kernels_are_counted_once_that_takes_seconds(
     with KernelBar() as bar:
         bar.count(1, 9)
     assert "kernels" not in terminal.readouterr().err
-    monkeypatch.setattr("are_ros.replay.progress._SLOW_S", 0.0)
+    monkeypatch.setattr("are_ros.replay.progress.SLOW_S", 0.0)
     with KernelBar() as bar:
         bar.count(4, 9)
         bar.count(6, 9)
@@ -88,7 +88,7 @@ def test_what_is_done_is_counted_once_that_takes_seconds(
 
     search(3, 8)
     assert "headings" not in terminal.readouterr().err
-    monkeypatch.setattr("are_ros.replay.progress._SLOW_S", 0.0)
+    monkeypatch.setattr("are_ros.replay.progress.SLOW_S", 0.0)
     search(3, 8)
     shown = terminal.readouterr().err.split("\r")[-1]
     assert "headings 100%" in shown

@@ -28,7 +28,8 @@ OCCUPIED_LOG_ODDS: Final = 0.0
 """OctoMap's occupancy threshold, a probability of 0.5."""
 
 _TREE_DEPTH: Final = 16
-_WIDEST_M: Final = 1000.0
+FINEST_M, WIDEST_M = 1e-6, 1000.0
+"""The voxels of an octree are wider than the first, and at most as wide as the second."""
 _FIRST_LINE: Final = b"# Octomap OcTree binary file"
 _FIRST_LINE_OF_OT: Final = b"# Octomap OcTree file"
 _NODES: Final = {
@@ -146,7 +147,7 @@ def _resolution_m(path: Path, fields: dict[str, str]) -> float:
         resolution_m = float(text)
     except ValueError:
         resolution_m = math.nan
-    if not 0.0 < resolution_m <= _WIDEST_M:  # nan is neither
+    if not FINEST_M < resolution_m <= WIDEST_M:  # nan is neither
         raise MapError(
             f"{path}: the octomap's res is {text[:20]!r}, not a positive length of a voxel"
         )

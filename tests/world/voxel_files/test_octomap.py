@@ -146,6 +146,7 @@ def test_random_bytes_are_refused_or_read_but_never_crash(
         (HEADER.format(1, "fine"), "res is 'fine'"),
         (HEADER.format(1, "nan"), "res is 'nan'"),
         (HEADER.format(1, 0.0), "res is '0.0'"),
+        (HEADER.format(1, 1e-9), "res is '1e-09', not a positive length of a voxel"),
         (HEADER.format(1, 1e308), "res is '1e+308', not a positive length of a voxel"),
         (HEADER.format(1, 0.1).replace("id OcTree\n", ""), "id is None"),
         (HEADER.format(1, 0.1).replace("id OcTree", "id Elevation"), "id is Elevation"),
