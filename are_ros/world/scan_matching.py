@@ -149,6 +149,11 @@ _UNKNOWN: Final = 0.1
 _MOST_RIVALS: Final = 3
 _RIVAL_SHARE: Final = 0.88
 """Of the best score: before the last climb a rival may lose more than the best does."""
+_SCALES: Final = tuple(1.0 + percent / 100.0 for percent in (-4, -3, -2, -1, 1, 2, 3, 4))
+_SCALED_REACH_M: Final = 0.3
+_UNSCALED_SHARE: Final = 0.95
+"""A map of the right scale has this share of the score of any other one at least."""
+
 _CANDIDATES: Final = 150
 """Poses of the coarse lattice that are looked at closely."""
 _OF_A_HEADING: Final = 60
@@ -203,6 +208,12 @@ class ScanCloud:
 
     def __len__(self) -> int:
         return len(self.scans)
+
+    def scaled(self, scale: float) -> "ScanCloud":
+        """Return the cloud, larger by a factor about its middle."""
+        middle = self.endpoints_m.mean(axis=0)
+        endpoints_m = middle + scale * (self.endpoints_m - middle)
+        return ScanCloud(endpoints_m, middle + scale * (self.origins_m - middle), self.scans)
 
     def part(self, chosen: npt.NDArray[np.bool_] | npt.NDArray[np.int64]) -> "ScanCloud":
         """Return the endpoints that a mask or indices choose."""
@@ -339,6 +350,19 @@ class ScanMatcher:
         near = float((away_m <= NEAR_M).mean())
         unknown = float(((flags == UNKNOWN_CELL) & (away_m > NEAR_M)).mean())
         return Match(pose, score, near, unknown, float((flags == WALL_CELL).mean()))
+
+    def best_scale(self, cloud: ScanCloud, match: Match) -> float:
+        """Return the factor by which a cloud is to be larger to fit best near a pose.
+
+        It is 1 unless another one makes the score clearly better: then the map, or the odometry
+        that joins the scans, is of another scale than the ranges.
+        """
+        scores = {
+            scale: self._climbed(cloud.scaled(scale), match.pose, _SCALED_REACH_M).score
+            for scale in _SCALES
+        }
+        best = max(scores, key=scores.__getitem__)
+        return best if match.score < _UNSCALED_SHARE * scores[best] else 1.0
 
     def _sigma(self, sigma_m: float) -> float:
         return max(sigma_m, self._fine_m)

@@ -231,3 +231,14 @@ def test_a_fine_map_is_searched_as_a_coarse_one_is(furnished: Cells) -> None:
     found = aligned(matcher_of(grid), cloud)
     assert_near(found.best.pose, truth, cloud.origins_m)
     assert matcher_of(grid)._coarse.cell_m == pytest.approx(4 * CELL_M)
+
+
+@pytest.mark.parametrize("percent", [-3, 0, 2, 3])
+def test_a_map_of_another_scale_is_told(furnished: Cells, percent: int) -> None:
+    """It is found, and fits, beside its place. A cell is 1 % of the room, which is as exact."""
+    cloud = scanned(furnished, [(1.0, 1.0), (4.0, 2.5), (6.0, 4.0)], NOWHERE, 8.0)
+    cloud = cloud.scaled(1.0 - percent / 100.0)
+    matcher = matcher_of(grid_of(furnished))
+    scale = matcher.best_scale(cloud, aligned(matcher, cloud).best)
+    assert scale == pytest.approx(1.0 + percent / 100.0, abs=0.011)
+    assert (scale == 1.0) == (percent == 0)

@@ -485,7 +485,20 @@ def outcome_lines(outcome: AlignOutcome) -> list[str]:
     if found.rivals:
         rival = found.rivals[0]
         next_best = f"{_words(rival.pose)}: {rival.score / best.score:.0%} of the score"
-    return [outcome.line(best), *_fit_lines(outcome, best), f"next best    {next_best}"]
+    lines = [outcome.line(best), *_fit_lines(outcome, best), f"next best    {next_best}"]
+    return [*lines, *_scale_lines(outcome, best)]
+
+
+def _scale_lines(outcome: AlignOutcome, best: Match) -> list[str]:
+    """Say where the map has another scale than the scans, so that the pose is only near."""
+    scale = outcome.matcher.best_scale(outcome.cloud, best)
+    if scale == 1.0:
+        return []
+    order = "large" if scale > 1.0 else "small"
+    sentence = (
+        f"the map seems about {abs(scale - 1.0):.0%} too {order} for the scans, so the pose is"
+    )
+    return [f"scale        {sentence} only near: is the map's resolution right?"]
 
 
 def _poor_lines(outcome: AlignOutcome, best: Match) -> list[str]:
