@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -295,16 +296,31 @@ def test_the_guard_gives_the_real_map_back(
     assert guard.end(SOON_S) == 0
 
 
-def test_the_guard_leaves_the_field_to_a_node_that_is_back(ros: RosWorld, guard: Process) -> None:
+@pytest.fixture
+def heart() -> Iterator[Callable[[], Process]]:
+    """Return what starts the heartbeat of a node; none is left behind."""
+    with ExitStack() as stack:
+
+        def begin() -> Process:
+            process = Process(["-c", HEART])
+            stack.callback(process.kill)
+            return process
+
+        yield begin
+
+
+def test_the_guard_leaves_the_field_to_a_node_that_is_back(
+    ros: RosWorld, guard: Process, heart: Callable[[], Process]
+) -> None:
     """What it published itself reaches nobody any more, and a node that ends in order is let go."""
     user = ros.make_node("user")
     publish(user, "map", room())
-    killed = Process(["-c", HEART])
+    killed = heart()
     guard.wait_for("runs, and is guarded")
     killed.kill()
     guard.wait_for("/ar_builder was killed")
     guard.wait_for("the real map is published, and an empty artefact map")
-    back = Process(["-c", HEART])
+    back = heart()
     wait_until(lambda: sum("is guarded" in line for line in guard.said) == 2, nap)
     late = collect(ros, user, "augmented_map")
     back.signal(signal.SIGINT)
@@ -316,13 +332,13 @@ def test_the_guard_leaves_the_field_to_a_node_that_is_back(ros: RosWorld, guard:
 
 @pytest.mark.parametrize("reliability", [ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT])
 def test_the_guard_hears_a_map_that_is_not_latched(
-    ros: RosWorld, guard: Process, reliability: ReliabilityPolicy
+    ros: RosWorld, guard: Process, heart: Callable[[], Process], reliability: ReliabilityPolicy
 ) -> None:
     """As the node does; also one that nobody sends again if it is lost."""
     user = ros.make_node("user")
     profile = QoSProfile(depth=1, reliability=reliability)
     publisher = user.create_publisher(type(room()), "/map", profile)
-    killed = Process(["-c", HEART])
+    killed = heart()
     guard.wait_for("runs, and is guarded")
     ros.spin_until(publisher.get_subscription_count)
     publisher.publish(room())
