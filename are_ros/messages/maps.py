@@ -76,7 +76,7 @@ def read_voxels(message: Any, source: str = "octomap") -> tuple[Points, float | 
         return read_cloud(message, source).points_m(), None
     resolution_m = float(message.resolution)
     if not FINEST_M < resolution_m <= WIDEST_M:
-        raise InputError(f"{source}: the octomap's resolution is {resolution_m}, no width of a voxel")
+        raise InputError(f"{source}: the octomap's resolution is {resolution_m}, no voxel's width")
     header = OctreeHeader(str(message.id), not message.binary, resolution_m)
     try:
         centres_m = read_octree(source, read_array(message.data, np.int8).tobytes(), header)

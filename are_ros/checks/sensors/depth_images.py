@@ -168,8 +168,8 @@ _MILLIMETRES, _METRES, _INVERSE = range(3)
 class DepthFrame:
     """The depths of an image: numbers (H, W) as they are stored, and what they mean.
 
-    `rest` is all else that has to stay: sizes, names, bytes of padding. `kind` is the encoding: that
-    of other images of 16 bits, which are none of depths, may be another.
+    `rest` is all else that has to stay: sizes, names, bytes of padding. `kind` is the encoding:
+    other images of 16 bits, which are none of depths, may have another.
     """
 
     stamp_ns: int

@@ -308,7 +308,7 @@ def test_a_sensor_that_is_not_augmented_drops_no_input_of_another() -> None:
 
 @pytest.mark.parametrize("other", [{"kind": "mono16"}, {"frame_id": "thermal"}])
 def test_an_image_of_16_bits_of_another_kind_or_frame_is_not_the_input_of_depths(
-    other: dict[str, str],
+    other: dict[str, Any],
 ) -> None:
     """As that of an infrared camera beside one of depths, whose output has the name of its role."""
     pairs, depths = Pairs(), replace(frame(np.ones((24, 32))), kind="16UC1")
