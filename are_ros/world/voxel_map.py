@@ -380,7 +380,7 @@ class VoxelMap:
 
         Points that are not finite are dropped. Without the cloud's own size, it is inferred from
         the centres; the lattice's phase always is. A centre between voxels is a coarser leaf of the
-        octree, and is expanded (see `_voxel_lattice`). The map has voxels of `wanted_m`, if that is
+        octree, and is expanded (see the module). The map has voxels of `wanted_m`, if that is
         given: each one is occupied in which the middle of an occupied voxel of the cloud lies.
         `source` begins every sentence. Raises InputError if no point is left, the size cannot be
         inferred or is larger than the one wanted, the transform tilts, or the box around the voxels

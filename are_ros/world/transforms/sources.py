@@ -1,4 +1,4 @@
-"""What one source says of one edge, checked."""
+"""What one source says of one edge, checked, and which of several sources holds."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -88,7 +88,14 @@ class Notices:
 
 
 class Precedence:
-    """The rules above, over one table."""
+    """Decides which of several claims on an edge holds, so that the frames always form trees.
+
+    A frame has one parent at a time. Of two sources that give a frame's parent the higher one
+    holds, whole; within one source the newest does, from its stamp on. A pair of frames is one edge
+    in either direction: a claim that names it the other way round is turned to the direction that
+    is there. A longer loop is opened at its weakest edge if that is weaker than the claim; else the
+    claim is ignored.
+    """
 
     def __init__(self, table: EdgeTable, names: FrameNames, notices: Notices) -> None:
         self._table = table

@@ -69,7 +69,7 @@ class FrameTree:
 
     Names lose leading slashes. Stamps are int nanoseconds; 0 is a stamp like any other, not tf2's
     "latest". Several sources for one edge, pairs given in both directions and loops are resolved by
-    `_precedence`; each case is said once through `drain_notices`. A transform that is refused
+    `Precedence`; each case is said once through `drain_notices`. A transform that is refused
     raises InvalidTransformError and leaves the tree as it was. Not safe for use by several threads.
     """
 
