@@ -452,12 +452,18 @@ class _CoarseMap:
     def _peaks(
         self, points: Floats, progress: Progress | None = None
     ) -> list[tuple[float, float, float]]:
-        """Return distinct poses [cells, rad] of points (N, 2) with high scores, the best first."""
+        """Return distinct poses [cells, rad] of points (N, 2) with high scores, the best first.
+
+        Points farther away than the map is long lie beyond it at each pose, and count nothing: a
+        wild return far outside shall not make the search as large as it is far.
+        """
         from scipy import fft
 
-        reach = max(float(np.hypot(*points.T).max()), 1.0)
+        (height, width), away = self.values.shape, np.hypot(*points.T)
+        is_near = away <= math.hypot(height, width)
+        points, reach = points[is_near], float(away[is_near].max(initial=1.0))
         yaws = np.arange(0.0, 2.0 * math.pi, 1.0 / reach)
-        (height, width), room = self.values.shape, 2 * math.ceil(reach) + 1
+        room = 2 * math.ceil(reach) + 1
         shape = fft.next_fast_len(height + room), fft.next_fast_len(width + room)
         spectrum: Any = fft.rfft2(self.values, shape)
 

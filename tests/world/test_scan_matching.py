@@ -118,6 +118,23 @@ def test_a_room_is_found_wherever_its_map_lies(furnished: Cells, yaw: float) -> 
     assert found.slides_rad is None
 
 
+def test_a_wild_return_far_away_does_not_widen_the_search(furnished: Cells) -> None:
+    """One endpoint 60 m beyond a room of 7 m: as many headings are tried, and the room is found."""
+    truth = PlanarPose(1.0, 2.0, 0.8)
+    cloud = scanned(furnished, [(2.0, 1.8), (3.9, 3.0)], truth, 20.0)
+    wild = ScanCloud(
+        np.concatenate((cloud.endpoints_m, [[60.0, 3.0]])),
+        np.concatenate((cloud.origins_m, cloud.origins_m[-1:])),
+        np.append(cloud.scans, cloud.scans[-1]),
+    )
+    matcher, headings = matcher_of(grid_of(furnished)), set[int]()
+    for one in (cloud, wild):
+        found = matcher.align(one, lambda _, count: headings.add(count))
+        assert found is not None
+        assert_near(found.best.pose, truth, cloud.origins_m)
+    assert max(headings) < 1.5 * min(headings)
+
+
 def test_people_who_are_not_on_the_map_do_not_matter(furnished: Cells) -> None:
     """A quarter of the endpoints may be anywhere before the walls."""
     truth = PlanarPose(1.0, 2.0, 0.8)
