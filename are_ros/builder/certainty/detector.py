@@ -111,9 +111,10 @@ class Detector:
         return 1.0 / min(slowest_hz, self.parameters.builder.tick_rate)
 
     def _follow(self, now_ns: int, scene: Scene) -> None:
-        """Carry all tracks on to `now_ns`."""
-        dt_s = 0.0 if self._now_ns is None else (now_ns - self._now_ns) / NS_PER_S
-        self._now_ns = now_ns
+        """Carry all tracks on to `now_ns`; a clock that is set back a little does not undo that."""
+        last_ns = now_ns if self._now_ns is None else self._now_ns
+        self._now_ns = max(now_ns, last_ns)
+        dt_s = (self._now_ns - last_ns) / NS_PER_S
         process = Process.of(self._settings, dt_s)
         ends = 1.0 / self.parameters.population.mean_life, 1.0 / self._settings.false_alarm_life
         places = {number: k for k, number in enumerate(scene.ids.tolist())}

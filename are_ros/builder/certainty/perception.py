@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.agents.events import PerceivedArtefact, PredictedPath, Sighting
+from are_ros.conventions import NEVER_NS
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.environment import Environment
 
@@ -50,17 +51,22 @@ class Perception:
 
 
 class Delay:
-    """Gives out perceptions some time after they were made."""
+    """Gives out perceptions some time after they were made.
+
+    What was given out is not taken back where the clock is set back a little, or the time is longer
+    from now on: it is given out again.
+    """
 
     def __init__(self) -> None:
         self._waiting: deque[Perception] = deque()
+        self._due_ns = NEVER_NS
 
     def passed(self, perception: Perception, latency_ns: int) -> Perception:
         """Take the perception of now; return the newest that is at least so old.
 
         Before there is one, nothing is perceived.
         """
-        due_ns = perception.stamp_ns - latency_ns
+        due_ns = self._due_ns = max(self._due_ns, perception.stamp_ns - latency_ns)
         self._waiting.append(perception)
         while len(self._waiting) > 1 and self._waiting[1].stamp_ns <= due_ns:
             self._waiting.popleft()

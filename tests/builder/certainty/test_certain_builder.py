@@ -194,6 +194,21 @@ def test_a_farewell_and_a_jump_of_the_clock_forget_the_tracks() -> None:
     assert builder.step(START_NS).perceived == ()
 
 
+@pytest.mark.parametrize("latency_s", [0.0, 0.25])
+def test_a_tick_of_a_clock_that_was_set_back_a_little_perceives_as_before(latency_s: float) -> None:
+    """It is another look, which may miss one or two; no time goes by for the tracks."""
+    parameters = parameters_of("good", {"certainty.latency": latency_s})
+    builder, turn = ArBuilder(parameters, TYPES), (0.0, 0.0, 0.0, 1.0)
+    builder.receive_map(hall(10.0, 8.0), START_NS)
+    for k in range(100):
+        now_ns = START_NS + k * NS_PER_S // 10
+        builder.receive_transform("map", "base_link", now_ns, (2.0, 4.0, 0.0), turn, now_ns)
+        before = {one.artefact_id for one in builder.step(now_ns).perceived}
+    after = {one.artefact_id for one in builder.step(now_ns - NS_PER_S // 20).perceived}
+    assert after <= before
+    assert len(after) > 0.8 * len(before)
+
+
 def test_paths_are_offered_only_where_there_are_some() -> None:
     """With certainty, and a horizon."""
     assert "predicted" not in offered_outputs(Parameters())
