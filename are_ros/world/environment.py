@@ -144,7 +144,8 @@ class VoxelGround:
     3. A floor higher than a step plus a slope of 0.3 above the lowest within 0.4 m is none
        (a heap or a ragged wall that was climbed voxel by voxel).
     4. A column without a floor (wall, box, never seen) takes the nearest column's, in steps
-       over the lattice; a point beside the lattice takes the nearest border column's.
+       over the lattice; a point beside the lattice takes the nearest border column's, and so does
+       one that is not finite.
 
     `heights_m` is float64 (nx, ny) in the map frame, `is_seen` bool (nx, ny) says where a floor
     was found; both read-only, columns as in the voxel map's lattice.
@@ -184,11 +185,12 @@ class VoxelGround:
         return float(self.heights_m.max())
 
     def heights(self, points_m: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
-        """Return the floor's height (N,) at each of the finite points (N, 2) of the map frame."""
-        x, y = in_level_frame(self.map_from_lattice, points_m)
+        """Return the floor's height (N,) at each of the points (N, 2) of the map frame."""
+        with np.errstate(invalid="ignore"):
+            x, y = in_level_frame(self.map_from_lattice, points_m)
         nx, ny = self.heights_m.shape
-        i = np.clip(np.floor(x / self.column_size_m[0]), 0, nx - 1)
-        j = np.clip(np.floor(y / self.column_size_m[1]), 0, ny - 1)
+        i = np.fmin(np.fmax(np.floor(x / self.column_size_m[0]), 0), nx - 1)
+        j = np.fmin(np.fmax(np.floor(y / self.column_size_m[1]), 0), ny - 1)
         heights: npt.NDArray[np.float64] = self.heights_m[i.astype(np.int64), j.astype(np.int64)]
         return heights
 

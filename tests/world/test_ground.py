@@ -54,6 +54,12 @@ def test_a_bare_floor_is_seen_in_every_column() -> None:
     assert ground.heights_m == pytest.approx(0.0)
 
 
+def test_what_is_not_finite_is_nowhere_else_than_on_the_floor() -> None:
+    """A pose that is not finite is refused later, with a sentence."""
+    points_m = np.array([[np.nan, 1.0], [np.inf, np.nan], [-np.inf, np.inf]])
+    np.testing.assert_allclose(ground_of(room()).heights(points_m), 0.0, atol=1e-12)
+
+
 def test_walls_tables_boxes_and_ceilings_are_no_floor() -> None:
     """Each rises more than a step, with or without floor below, and takes its neighbours' floor."""
     occupied = room()
