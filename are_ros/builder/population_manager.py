@@ -8,6 +8,7 @@ which inputs were received before which sub-step, not on how often `advance` is 
 has been returned for an instant never changes.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -108,6 +109,8 @@ class PopulationManager:
         """When the pause began, or the population within it."""
         self._advanced_ns: int | None = None
         """Up to when it has run; None: it has not begun."""
+        self.may_be_due = False
+        """Whether something may be due sooner than `next_due_ns` said after the last `advance`."""
         self.goal: Footprint | None = None
         self.plan_m: npt.NDArray[np.float64] = np.empty((0, 2))
         self.viewpoints: Callable[[int], Sequence[CameraAt]] = lambda _: ()
@@ -191,7 +194,7 @@ class PopulationManager:
         if self._advanced_ns is None:
             self._start(now_ns)
             steps.begin(now_ns)
-        self._advanced_ns = now_ns
+        self._advanced_ns, self.may_be_due = now_ns, False
         while True:
             event_ns = self._next_event_ns()
             if event_ns is not None and event_ns <= min(now_ns, steps.next_ns):
@@ -258,7 +261,7 @@ class PopulationManager:
 
     def reseed(self, seed: int, now_ns: int) -> None:
         """Draw from another seed from `now_ns` on; artefacts alive stay."""
-        self._seed, self._beginnings = seed, 0
+        self._seed, self._beginnings, self.may_be_due = seed, 0, True
         self.population.reseed(seed, now_ns)
         self.crowd.decisions.reseed(seed)
 
@@ -274,6 +277,7 @@ class PopulationManager:
             self.population.postpone(self._paused_ns, until_ns)
             self.crowd.table.postpone(self._paused_ns, until_ns)
         self._set_rates(now_ns)
+        self.may_be_due = True
 
     def stand_still(self, from_ns: int, until_ns: int) -> None:
         """Go on at `until_ns`, as after a pause: nothing in between is simulated."""
@@ -295,6 +299,7 @@ class PopulationManager:
         self.population.max_alive = settings.max_alive
         self.population.set_marks(self._catalogue.rows, law, settings.group_size)
         self._set_rates(now_ns)
+        self.may_be_due = True
 
     def check(self, parameters: Parameters) -> TruncatedPoissonMixture:
         """Return the mixture of parameters that can be used now.
@@ -327,10 +332,12 @@ class PopulationManager:
         reason = "there is no map yet"
         if environment is not None:
             reason = self._spawning.why_not(box, environment, others, robot)
+            reason = reason or ("" if math.isfinite(pose.z_m) else "its height is not finite")
         if reason:
             raise PlacementError(f"{row.label} at {pose.x_m:.2f}, {pose.y_m:.2f}: {reason}")
         event = self.population.admit(row, pose, now_ns, life_ns=life_ns, behaviour=behaviour)
         self._apply(event)
+        self.may_be_due = True
         return event.artefact_id
 
     def _next_event_ns(self) -> int | None:

@@ -188,9 +188,11 @@ class Simulation:
         """Take the path (N, 3) that the robot plans, in any frame of the tree; its end is the goal.
 
         No artefact arrives within the robot's clearance of the goal. An empty path means no goal.
-        Raises FrameError if the frame's pose is not known.
+        Raises FrameError if the frame's pose is not known, InputError if a number is not finite.
         """
         self._received(received_ns)
+        if not np.isfinite(points_m).all():
+            raise InputError("plan: it holds a position that is not finite")
         plan_m = np.empty((0, 3))
         if len(points_m):
             map_from_plan = self.frames.lookup_latest(self.parameters.frames.map, frame_id)
@@ -232,8 +234,9 @@ class Simulation:
     def advance(self, now_ns: int) -> None:
         """Process what is due up to `now_ns`: arrivals, departures, sub-steps, readings."""
         if now_ns < self._idle_until_ns:
-            self._check_clock(now_ns)
-            return
+            if self._check_clock(now_ns) or not self.lives.may_be_due:
+                return
+            now_ns = self._now_ns
         if self.has_begun and now_ns > self._now_ns + _LEAP_NS:
             self._leap(now_ns)
         self._now_ns = max(self._now_ns, now_ns)
@@ -256,17 +259,18 @@ class Simulation:
         """Return when the next reading that waits must leave, None if none waits."""
         return self.sensors.next_deadline_ns()
 
-    def _check_clock(self, now_ns: int) -> None:
-        """Restart if the clock has jumped back, as it does when a recording loops."""
+    def _check_clock(self, now_ns: int) -> bool:
+        """Restart if the clock has jumped back, as it does when a recording loops; tell if so."""
         if now_ns >= self._now_ns - CLOCK_JITTER_NS:
             self._now_ns = max(self._now_ns, now_ns)
-            return
+            return False
         self.notices.append(
             f"the clock jumped back by {(self._now_ns - now_ns) / NS_PER_S:.3f} s: "
             "all artefacts are gone, and later transforms and scans are forgotten"
         )
         self._now_ns = self._idle_until_ns = now_ns
         self.restart(now_ns)
+        return True
 
     def _leap(self, now_ns: int) -> None:
         """Restart: the clock has leapt ahead, as it does when another recording begins."""

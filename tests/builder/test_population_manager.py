@@ -9,7 +9,14 @@ import pytest
 
 from are_ros.agents.events import ArtefactEvent, EventKind
 from are_ros.builder.population_manager import population_of
-from are_ros.errors import CatalogueError, FrameError, ParameterError, PlacementError, ScenarioError
+from are_ros.errors import (
+    CatalogueError,
+    FrameError,
+    InputError,
+    ParameterError,
+    PlacementError,
+    ScenarioError,
+)
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.population.artefact import Artefact, GroundPose, boxes_of
@@ -22,6 +29,8 @@ from tests.world.overlapping import overlapping_pairs
 Scene = Any
 """The `Scene` of conftest, which tests cannot import."""
 Make = Callable[..., Scene]
+LATER = (ArtefactEvent(2**62, EventKind.ARRIVED, 0, ""),)
+"""For where nothing else happens later."""
 BUSY = {"population.arrival_rate": 0.2, "population.mean_life": 3.0}
 """About three arrivals a second on the room's 14 m^2, nine alive."""
 
@@ -83,6 +92,14 @@ def test_a_placement_with_a_behaviour_that_the_row_cannot_have_is_refused(
         scene.builder.lives.place(row, pose, scene.ns(0.1), behaviour=behaviour)
     assert not scene.builder.lives.scene_at(scene.ns(0.2)).artefacts
     assert not scene.builder.lives.take_events()
+
+
+def test_a_placement_at_no_finite_height_is_refused(scene: Scene) -> None:
+    """No wall is there, and yet it is nowhere."""
+    pose = GroundPose(2.5, 2.0, float("nan"), 0.0)
+    with pytest.raises(PlacementError, match="its height is not finite"):
+        scene.builder.lives.place(scene.row(0), pose, scene.ns(0.1))
+    assert not scene.builder.lives.scene_at(scene.ns(0.2)).artefacts
 
 
 def test_nothing_is_placed_before_there_is_a_map(make_scene: Make) -> None:
@@ -350,6 +367,37 @@ def test_nobody_stands_in_a_new_wall_after_the_next_sub_step(make_scene: Make) -
     assert seen > 50
 
 
+@pytest.mark.parametrize("change", ["rate", "seed", "placed", "resumed"])
+def test_what_a_change_brings_sooner_does_not_wait_for_the_next_sub_step(
+    make_scene: Make, change: str
+) -> None:
+    """All that happens up to a tick is in it, where sub-steps are a second apart."""
+    scene = make_scene({"motion.step": 1.0, "population.max_alive": 1000})
+    builder, at_ns = scene.builder, scene.ns(1.1)
+    scene.map(0.0)
+    scene.robot(0.95, 1.0, 2.0)
+    builder.advance(scene.ns(1.0))
+    busy = with_values(builder.parameters, {"population.arrival_rate": 2.0})
+    if change != "rate":
+        builder.reconfigure(busy, scene.ns(1.0))
+    builder.lives.pause(scene.ns(1.0), is_paused=change == "resumed")
+    builder.advance(at_ns)
+    if change == "rate":
+        builder.reconfigure(busy, at_ns)
+    elif change == "seed":
+        builder.reseed(77, at_ns)
+    elif change == "placed":
+        builder.reconfigure(with_values(busy, {"population.arrival_rate": 0.0}), at_ns)
+        scene.place(0, (2.5, 2.0), 1.1, life_s=0.3)
+    else:
+        builder.lives.pause(at_ns, is_paused=False)
+    builder.lives.take_events()
+    tick = scene.tick(1.95)
+    builder.advance(scene.ns(4.0))
+    assert tick.events
+    assert min(event.stamp_ns for event in (*builder.lives.take_events(), *LATER)) > tick.stamp_ns
+
+
 def test_nothing_goes_on_in_a_pause(make_scene: Make) -> None:
     """Nobody arrives, no life is used up, drawn or given, and nobody is moved."""
     scene = make_scene(BUSY)
@@ -447,6 +495,19 @@ def test_a_plan_in_the_maps_frame_needs_no_transform(make_scene: Make) -> None:
     with pytest.raises(FrameError, match="not seen so far"):
         scene.builder.receive_plan(plan_m + 1.0, "odom", scene.ns(0.1))
     np.testing.assert_array_equal(scene.builder.lives.plan_m, plan_m[:, :2])
+
+
+@pytest.mark.parametrize("row", [0, 1])
+def test_a_plan_that_is_not_finite_is_refused(make_scene: Make, row: int) -> None:
+    """Wherever in it the number is; the plan before it holds on."""
+    scene, plan_m = make_scene(), np.array([[1.0, 1.0, 0.0], [2.5, 2.0, 0.0]])
+    scene.builder.receive_plan(plan_m, "map", scene.ns(0.0))
+    goal, bad_m = scene.builder.lives.goal, plan_m.copy()
+    bad_m[row, 1] = np.nan
+    with pytest.raises(InputError, match="plan: it holds a position that is not finite"):
+        scene.builder.receive_plan(bad_m, "map", scene.ns(0.1))
+    np.testing.assert_array_equal(scene.builder.lives.plan_m, plan_m[:, :2])
+    assert scene.builder.lives.goal is goal
 
 
 def arrival_distances(scene: Scene, until_s: float, point: tuple[float, float]) -> Any:
