@@ -1,55 +1,127 @@
-"""Draws docs/images/painted_office.png: `python scripts/draw_painted.py REPLAY [--at SECONDS]`.
+"""Draws docs/images/painted_*.png and depth.png: `python scripts/draw_painted.py SCENE`.
 
-REPLAY is the folder of a replay with compressed images and with inputs, as of
-
-    are replay bags/sample_office.mcap --scenario config/scenarios/behind_walls.yaml --start 18 \
-        --duration 9 --with-inputs --out out/walls
-
-The picture is the image nearest to that time after the first message, as it came in, and beside it
-as it went out.
+SCENE is `office`, the sample recording as it came in and as it went out; `desk` or `room`, one
+frame of a recording of others, of the folders tum-desk-rgbd and redwood-rgbd in `--data`. The desk
+gives depth.png, too: its depths as they came in and as they went out.
 """
 
 import argparse
 import io
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
+from numpy.typing import NDArray
 from PIL import Image
 
 from are_ros.bag.reader import BagReader
 from are_ros.bag.recording import PREFIX
-from are_ros.conventions import NS_PER_S
 
-_WIDTH = 480
+_IMAGES = Path("docs/images")
+_WIDTH, _GAP = 480, 8
+_NEAR_M, _FAR_M = 0.9, 4.0
+_CELLS = 320
+_EMPTY_MAP = """
+image: free.pgm
+resolution: 0.05
+origin: [-8.0, -8.0, 0.0]
+negate: 0
+occupied_thresh: 0.65
+free_thresh: 0.25
+"""
+_OF_OTHERS = {
+    "desk": (
+        "tum-desk-rgbd",
+        {
+            "person_child_tall": (1.78, 0.42, 3.5),
+            "robot_disc": (1.72, -0.78, 2.0),
+            "person_adult_short": (2.75, -1.42, 2.6),
+        },
+    ),
+    "room": (
+        "redwood-rgbd",
+        {"person_child_small": (-2.12, -2.6, 0.35), "structure_cone": (-2.0, -1.83, 0.0)},
+    ),
+}
+"""Their recordings, and who stands in them at which x, y and yaw, on a map that is free."""
 
 
 def main() -> None:
     """Draw it."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("replay", type=Path)
-    parser.add_argument("--at", type=float, default=4.0, help="seconds")
-    parser.add_argument("--out", type=Path, default=Path("docs/images/painted_office.png"))
+    parser.add_argument("scene", choices=("office", *_OF_OTHERS))
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     arguments = parser.parse_args()
-    with BagReader([arguments.replay / "augmented.mcap"]) as reader:
-        images = [
-            topic.name
-            for topic in reader.topics
-            if topic.type_name.endswith("/CompressedImage") and "epth" not in topic.name
-        ]
-        (real,) = (name for name in images if not name.startswith(PREFIX))
-        (output,) = (name for name in images if name.startswith(PREFIX))
-        wanted_ns = reader.start_ns + round(arguments.at * NS_PER_S)
-        near: dict[str, tuple[int, bytes]] = {}
-        for message in reader.messages(images):
-            known = near.get(message.topic)
-            if known is None or abs(message.log_time_ns - wanted_ns) < known[0]:
-                apart_ns = abs(message.log_time_ns - wanted_ns)
-                near[message.topic] = apart_ns, bytes(reader.deserialize(message).data)
-    pictures = [np.asarray(Image.open(io.BytesIO(near[name][1]))) for name in (real, output)]
-    gap = np.full((len(pictures[0]), 8, 3), 255, np.uint8)
+    with tempfile.TemporaryDirectory() as folder:
+        if arguments.scene == "office":
+            draw_office(Path(folder))
+        else:
+            draw_of_others(arguments.scene, arguments.data, Path(folder))
+
+
+def draw_office(folder: Path) -> None:
+    """Draw four seconds after the beginning, beside the image as it came in."""
+    walls = ("--scenario", "config/scenarios/behind_walls.yaml")
+    replay("bags/sample_office.mcap", *walls, "--start", 18, "--duration", 4.1, out=folder)
+    topics = ("/camera/image_raw/compressed", f"{PREFIX}camera/image/compressed")
+    files = [io.BytesIO(bytes(last(folder, topic).data)) for topic in topics]
+    pictures = [np.asarray(Image.open(file)) for file in files]
+    beside(pictures).save(_IMAGES / "painted_office.png", optimize=True)
+
+
+def draw_of_others(scene: str, data: Path, folder: Path) -> None:
+    """Draw the last frame, and the depths of the desk."""
+    recording, artefacts = _OF_OTHERS[scene]
+    rows = "".join(f"  - {{label: {label}, at: {list(at)}}}\n" for label, at in artefacts.items())
+    header = f"scenario: {{name: {scene}, random: false}}\nartefacts:\n"
+    (folder / "scenario.yaml").write_text(header + rows, encoding="utf-8")
+    (folder / "free.yaml").write_text(_EMPTY_MAP, encoding="utf-8")
+    (folder / "free.pgm").write_bytes(b"P5 %d %d 255\n" % (_CELLS, _CELLS) + b"\xfe" * _CELLS**2)
+    given = ("--map", folder / "free.yaml", "--scenario", folder / "scenario.yaml")
+    replay(data / recording, *given, "--set", "sensors.gate:=all", out=folder)
+    painted = last(folder, f"{PREFIX}camera/image")
+    pixels = np.frombuffer(bytes(painted.data), np.uint8).reshape(painted.height, painted.step)
+    colours = pixels[:, : 3 * painted.width].reshape(painted.height, painted.width, 3)
+    Image.fromarray(colours).save(_IMAGES / f"painted_{scene}.png", optimize=True)
+    if scene == "desk":
+        depths = [last(folder, name) for name in ("/camera/depth", f"{PREFIX}depth/image")]
+        both = beside([coloured(one) for one in depths])
+        both.quantize(128).save(_IMAGES / "depth.png", optimize=True)
+
+
+def replay(recording: object, *words: object, out: Path) -> None:
+    """Replay a recording, with its inputs in the result."""
+    are = [sys.executable, "-m", "are_ros"]
+    command = [*are, "replay", recording, *words, "--with-inputs", "--out", out]
+    subprocess.run([str(word) for word in command], check=True)
+
+
+def last(folder: Path, topic: str) -> Any:
+    """Return the last message of a topic of a replay."""
+    with BagReader([folder / "augmented.mcap"]) as reader:
+        *_, message = reader.messages([topic])
+        return reader.deserialize(message)
+
+
+def beside(pictures: Sequence[NDArray[np.uint8]]) -> Image.Image:
+    """Return two pictures side by side."""
+    gap = np.full((len(pictures[0]), _GAP, 3), 255, np.uint8)
     both = Image.fromarray(np.hstack((pictures[0], gap, pictures[1])))
-    both.thumbnail((2 * _WIDTH + 8, both.height))
-    both.save(arguments.out, optimize=True)
+    both.thumbnail((2 * _WIDTH + _GAP, both.height))
+    return both
+
+
+def coloured(message: Any) -> NDArray[np.uint8]:
+    """Return the depths of a raw image of 16 bits in colours, black where there is none."""
+    depths_m = 1e-3 * np.asarray(message.data).view("<u2").reshape(message.height, message.width)
+    share = np.clip((depths_m - _NEAR_M) / (_FAR_M - _NEAR_M), 0.0, 1.0)
+    colours = 255.0 * colormaps["turbo_r"](share)[..., :3] * (depths_m > 0.0)[..., None]
+    return np.rint(colours).astype(np.uint8)
 
 
 if __name__ == "__main__":
