@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from are_ros.bag.file_order import JumpBack
-from are_ros.bag.reader import CDR, STAMP_AT, BagMessage, BagReader, stamp_in
+from are_ros.bag.reader import STAMP_AT, BagMessage, BagReader, stamp_in
 from are_ros.conventions import IDLE_NS, NS_PER_S
 from are_ros.errors import BagError, InputError
 from are_ros.messages.sensors import SENSORS
@@ -251,8 +251,7 @@ def _telling(found: Sequence[Times]) -> list[Times]:
 
 def _clock(reader: BagReader, start_ns: int, stop_ns: int) -> list[Times]:
     """Return the times of /clock where it was recorded and differs from the log."""
-    clocks = [topic for topic in reader.topics if topic.name == CLOCK_TOPIC and topic.count]
-    if not any(topic.encoding == CDR for topic in clocks):
+    if not any(topic.name == CLOCK_TOPIC and topic.is_usable for topic in reader.topics):
         return []
     at = 0 if reader.is_ros1 else STAMP_AT
 

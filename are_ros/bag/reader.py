@@ -558,6 +558,11 @@ class BagTopic:
     is_reliable: bool = True
     encoding: str = CDR
 
+    @property
+    def is_usable(self) -> bool:
+        """Whether it has messages, and in CDR: no others are understood."""
+        return self.count > 0 and self.encoding == CDR
+
 
 class BagMessage(NamedTuple):
     """One recorded message; `BagReader.deserialize` makes an object of its bytes."""

@@ -128,14 +128,12 @@ def find_roles(
 
     A topic that another role has by name is not considered. Where two roles share a type, the name
     decides ("octomap", "static"); centres of voxels go before octrees. Of several CameraInfo that
-    beside the image is taken, else that beside the depth image. Topics without messages, or
-    with such as are not CDR, do not count, nor do the node's own, nor clouds that are `standing`,
-    unless an override names one.
+    beside the image is taken, else that beside the depth image. Topics without messages in CDR do
+    not count, nor do the node's own, nor clouds that are `standing`, unless an override names one.
     BagError for an override of an unknown role, with an absent topic, or one of another type.
     """
     chosen = {role: _overridden(topics, role, name) for role, name in overrides.items()}
-    usable = [topic for topic in topics if topic.count > 0 and topic.encoding == CDR]
-    filled = [topic for topic in usable if PREFIX not in topic.name]
+    filled = [topic for topic in topics if topic.is_usable and PREFIX not in topic.name]
     for role in ROLE_TYPES:
         if role not in chosen:
             default = _named(filled, f"/{role}", role)
@@ -164,7 +162,7 @@ def standing_clouds(reader: BagReader, given: FramesParameters) -> dict[str, str
     They are in the map's frame, in one of odometry, or in one in which tf moves the base. As clouds
     of a mapper, or of a costmap: no sensor is there, from which their rays would come.
     """
-    filled = [topic for topic in reader.topics if topic.count > 0]
+    filled = [topic for topic in reader.topics if topic.is_usable]
     first = {topic.name: reader.first_object(topic.name) for topic in filled if _may_stand(topic)}
     first = {name: one for name, one in first.items() if hasattr(one, "header")}
     told = [one for one in first.values() if getattr(one, "child_frame_id", "")]
@@ -187,7 +185,8 @@ def _frames_left_behind(
     It reads on until the clouds of `unclear`, whose frames these are by topic, have come for a
     while, and to the end where nothing above the base has moved yet.
     """
-    topics = [topic.name for topic in reader.topics if topic.type_name in TF_TYPES]
+    usable = [topic for topic in reader.topics if topic.is_usable]
+    topics = [topic.name for topic in usable if topic.type_name in TF_TYPES]
     static = [name for name in topics if "static" in name]
     moving = [name for name in topics if name not in static]
     firsts = [one.log_time_ns for one in map(reader.first, unclear) if one is not None]
@@ -259,7 +258,7 @@ def left_as_they_are(
     named = {**dict.fromkeys(BY_NAME, ()), **named}
     players = {role: tuple(named.get(role, roles.by_topic((role,)))) for role in ROLE_TYPES}
     used = {topic for of_role in players.values() for topic in of_role} | roles.standing.keys()
-    free = [t for t in topics if t.count and t.name not in used and PREFIX not in t.name]
+    free = [t for t in topics if t.is_usable and t.name not in used and PREFIX not in t.name]
     for role, kind in SENSORS.items():
         left = [topic.name for topic in free if topic.type_name == kind.type_name]
         if left and not kind.is_image and (players[role] or role in BY_NAME):

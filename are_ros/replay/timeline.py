@@ -123,7 +123,7 @@ def substitute_infos(
     `given` are the entries of `sensors.camera_infos`. The node's own do not count, as in a
     recording of it.
     """
-    filled = [t for t in reader.topics if t.count > 0 and PREFIX not in t.name]
+    filled = [t for t in reader.topics if t.is_usable and PREFIX not in t.name]
     infos = [t.name for t in filled if t.type_name == CAMERA_INFO_TYPE]
     found = []
     for images, beside in lenses.items():

@@ -235,7 +235,8 @@ def _timed(reader: BagReader, roles: RolesFound, named: Mapping[str, str]) -> di
     found = {**roles.by_topic(("tf_static", *MOVING_ROLES)), **named}
     if "scan" not in found.values():
         types = ROLE_TYPES["scan"]
-        found |= {topic.name: "scan" for topic in reader.topics if topic.type_name in types}
+        usable = [topic for topic in reader.topics if topic.is_usable]
+        found |= {topic.name: "scan" for topic in usable if topic.type_name in types}
     return found
 
 
@@ -405,7 +406,8 @@ def _missing_pose(
         is_top = standing == survey.root_of(base_frame)
         known = option_of_poses(reader, roles, map_frame, standing, base_frame, is_top=is_top)
         ends = (map_frame, standing) if is_top else (standing, map_frame)
-        has_scan = any(topic.type_name in ROLE_TYPES["scan"] for topic in reader.topics)
+        scans = [one for one in reader.topics if one.type_name in ROLE_TYPES["scan"]]
+        has_scan = any(one.is_usable for one in scans)
         by_scans = ", which `are align` finds by the scans," * has_scan
         unknown = (
             f"give the transform with {static_tf_option(*ends)}{by_scans} or the map's frame with"

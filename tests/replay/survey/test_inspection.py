@@ -8,8 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
 
 from are_ros.bag.reader import BagReader
+from are_ros.bag.roles import left_as_they_are
+from are_ros.bag.types import jazzy_typestore
 from are_ros.errors import BagError, ParameterError
 from are_ros.messages.transforms import StampedTransform
 from are_ros.parameters.declaration import with_values
@@ -114,6 +117,32 @@ def test_a_complete_recording_lacks_nothing(complete: Path) -> None:
         "    base_link (10.0 Hz, /odom)",
         "      laser (static, /tf_static)",
     )
+
+
+def test_what_is_not_cdr_is_no_input(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """It places no cloud, tells no time, and is not offered to be augmented."""
+    lidar = make_header(factory, "lidar", S)
+    cloud = factory.make("sensor_msgs/msg/PointCloud2", header=lidar)
+    records = [("/points", 0, cloud)]
+    records += [("/odom", k * S // 10, odometry(factory, k * S // 10)) for k in range(20)]
+    bag = write_bag(tmp_path / "bag.mcap", records)
+    kinds = {"/tf": "tf2_msgs/msg/TFMessage", "/rear": "sensor_msgs/msg/LaserScan"}
+    kinds["/deep"] = "sensor_msgs/msg/PointCloud2"
+    with Writer(tmp_path / "odd", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for topic, kind in kinds.items():
+            options = {"typestore": jazzy_typestore(), "serialization_format": "json"}
+            connection = writer.add_connection(topic, kind, **options)
+            for k in range(20):
+                writer.write(connection, k * S // 10, b'{"header": {"stamp": {"sec": 9}}}')
+    with BagReader([bag, tmp_path / "odd" / "odd.mcap"]) as reader:
+        inspection = inspect_bag(reader)
+        said = left_as_they_are(reader.topics, inspection.roles, {})
+        assert not [sentence for sentence in said if "/deep" in sentence]
+    assert inspection.roles.topic("points") == "/points"
+    assert "/rear" not in inspection.times.scans
+    assert not inspection.clock.apart
 
 
 def test_a_scan_whose_angles_do_not_fit_is_said_and_can_be_replayed(
