@@ -30,7 +30,7 @@ from are_ros.bag.reader import (
     stamp_in,
 )
 from are_ros.conventions import NS_PER_S
-from are_ros.errors import AreError, BagError, InputError
+from are_ros.errors import AreError, BagError, InputError, ParameterError
 from are_ros.messages.sensors import CAMERA_INFO_TYPE, OUTPUT_TYPES, SENSORS
 from are_ros.messages.tick_encoding import ALL_OUTPUTS, OUTPUTS
 from are_ros.parameters.model import Parameters
@@ -55,6 +55,7 @@ _DRAWN: Final = (MARKERS, *GRID_TOPICS)
 _NODE: Final = PREFIX.strip("/")
 _PARAMETER_EVENTS: Final = "/parameter_events"
 _EFFECTIVE: Final = PREFIX + EFFECTIVE_TOPIC
+_TEXT: Final = "std_msgs/msg/String"
 
 PARAMETERS: Final = "effective.yaml"
 _METRICS: Final = "metrics.json"
@@ -98,9 +99,13 @@ class RecordingFiles:
         if self.parameters is not None:
             return with_file(Parameters(), self.parameters)
         text = ""
-        with suppress(BagError), Recording(self) as recording:  # who reads on tells what is wrong
-            for message in recording.in_log_order([_EFFECTIVE]):
-                text = recording.deserialize(message).data
+        try:
+            with suppress(BagError), Recording(self) as recording:  # who reads on tells of them
+                for message in recording.in_log_order([_EFFECTIVE]):
+                    if message.type_name == _TEXT:
+                        text = recording.deserialize(message).data
+        except InputError as cause:
+            raise ParameterError(f"{self.path}: {cause}") from cause
         subject = f"{self.path}: its {_EFFECTIVE}"
         return with_text(Parameters(), text, subject) if text else None
 

@@ -332,7 +332,7 @@ def check_grids(record: Record, messages: Iterator[GridMessage]) -> list[CheckRe
         return [tally.result() for tally in tallies.all()]
     for _ in messages:  # reading them is a check of its own
         pass
-    reason, lacks_inputs = "it has no effective.yaml, which says what the grids show", False
+    reason, lacks_inputs = "nothing tells its parameters, which say what the grids show", False
     if record.parameters is not None:
         reason, lacks_inputs = record.why_no_map(), record.lacks_inputs
     return [skipped(tally.name, reason, needs_inputs=lacks_inputs) for tally in tallies.all()]

@@ -46,7 +46,7 @@ def check_walls(record: Record) -> CheckResult:
     """No box covers an occupied cell of the map (voxels of a cloud are not looked at)."""
     tally = Tally("walls", "box")
     if record.parameters is None:
-        return skipped(tally.name, "it has no effective.yaml, which says what is occupied")
+        return skipped(tally.name, "nothing tells its parameters, which say what is occupied")
     if not record.maps:
         return skipped(tally.name, record.why_no_map(), needs_inputs=record.lacks_inputs)
     threshold = record.parameters.world.occupied_threshold
@@ -69,7 +69,7 @@ def check_clutter(record: Record) -> CheckResult:
     """Compare the clutter ratio with the share of free cells that all artefacts cover."""
     tally = Tally("clutter ratio", "tick")
     if record.parameters is None:
-        return skipped(tally.name, "it has no effective.yaml, which says what is free")
+        return skipped(tally.name, "nothing tells its parameters, which say what is free")
     if not record.maps:
         return skipped(tally.name, record.why_no_map(), needs_inputs=record.lacks_inputs)
     ratios = {message.at_ns: message.clutter_ratio for message in record.metrics}
@@ -129,7 +129,7 @@ def check_robot(record: Record) -> CheckResult:
     """
     tally = Tally("overlaps with the robot", "box")
     if record.parameters is None:
-        return skipped(tally.name, "it has no effective.yaml, which says the robot's shape")
+        return skipped(tally.name, "nothing tells its parameters, which say the robot's shape")
     base = record.base_frame()
     if not record.frames.has(base):
         given = record.parameters.frames.base

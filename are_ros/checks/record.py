@@ -89,9 +89,9 @@ class MarkerShow(NamedTuple):
 class Record:
     """Ticks as scenes, other outputs, and the inputs there are; no grids.
 
-    `parameters` come from effective.yaml, None without that file. In a replay the times `at_ns` are
-    log times. Live, they are times of ticks: an output has the stamp of its tick, an input the
-    stamp of the last tick before it. `farewells_ns` are the times at which a node removed all
+    `parameters` are None where nothing tells them. In a replay the times `at_ns` are log times.
+    Live, they are times of ticks: an output has the stamp of its tick, an input the stamp of the
+    last tick before it. `farewells_ns` are the times at which a node removed all
     artefacts, as it was paused or shut down; `farewell_messages` are the lists of the perceived
     and the metrics that it published then. `walls` is "map" or "octomap", or empty if unknown.
     `clouds` are the octomaps of the input, and `octomaps` some of the augmented ones; `has_clouds`

@@ -63,8 +63,9 @@ def check_recording(
     map file or parameters.
     """
     files = find_recording(path)
-    parameters = files.told
-    if parameters_file is not None:
+    if parameters_file is None:
+        parameters = files.told
+    else:
         parameters = with_file(Parameters(), parameters_file)
     is_live = not files.is_replay
     of_file, *of_others = check_files(files.files, is_live=is_live)

@@ -27,7 +27,7 @@ def check_perceived(record: Record) -> CheckResult:
     """
     name = "perceived"
     if record.parameters is None:
-        return skipped(name, "it has no effective.yaml, which says tau")
+        return skipped(name, "nothing tells its parameters, which say tau")
     tally = Tally(name, "sighting")
     alive = {scene.at_ns: set(scene.ids.tolist()) for scene in record.scenes}
     ever = set().union(*alive.values()) if record.settings.certainty.enabled else set()

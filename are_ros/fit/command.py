@@ -31,7 +31,7 @@ class FitOptions:
     """What the command line asks for.
 
     The rows are those of `rows`, else of the catalogue `catalogue_file`, else of that of
-    `parameter_files`, else of the effective.yaml beside a recording, else of the shipped one.
+    `parameter_files`, else of the parameters of a recording, else of the shipped one.
     `components` None: the number of least BIC, of at most `max_components`.
     """
 

@@ -52,7 +52,7 @@ _NO_METRICS: Final = SceneMetrics(0, 0, 0, 0, 0, 0, 0, 0.0, 0.0)
 
 @dataclass(frozen=True, eq=False)
 class RecordedScene:
-    """The record, the map that it goes with, and the parameters in force (effective.yaml's).
+    """The record, the map that it goes with, and the parameters in force.
 
     `voxels` is the octomap, None where there is none. `robot_problem` says why the record has no
     pose of the robot, empty where it has one or no transforms were recorded; `cloud_problem` says
@@ -78,8 +78,8 @@ def read_recorded_scene(
 
     Where it holds no real map, the least of each cell of the augmented maps stands in; without
     transforms there is no robot. Scans are read only if asked for. Raises BagError
-    where there is no recording, or no ground truth or no map in it, ParameterError for a bad
-    effective.yaml.
+    where there is no recording, or no ground truth or no map in it, ParameterError for bad
+    parameters.
     """
     found = find_recording(path)
     parameters = found.effective()

@@ -216,7 +216,7 @@ def _life(record: SceneRecord, life: Life) -> Content:
 def _closest(record: SceneRecord, life: Life) -> tuple[float | None, int | None]:
     """Return the least distance [m] of the robot from an artefact, and when it was first [ns].
 
-    In micrometres: while both stand, rounding would choose the tick.
+    To a micrometre: while both stand, rounding would choose the tick.
     """
     stamps_ns, distances_m = record.robot_distances(life)
     if not len(distances_m):

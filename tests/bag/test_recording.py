@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
 
 from are_ros.bag.decoded import Scene
 from are_ros.bag.recording import (
@@ -19,6 +20,7 @@ from are_ros.bag.recording import (
     runs_of,
     stamp_of,
 )
+from are_ros.bag.types import jazzy_typestore
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import ParameterError
 from are_ros.parameters.declaration import with_values
@@ -194,3 +196,26 @@ def test_parameters_that_are_none_are_said_so(tmp_path: Path, text: str, reason:
     with pytest.raises(ParameterError, match=re.escape(reason)) as raised:
         _ = find_recording(tmp_path / "run.mcap").told
     assert str(raised.value).startswith(f"{tmp_path / 'run.mcap'}: its /ar_builder/effective_para")
+
+
+@pytest.mark.parametrize(
+    ("type_name", "data", "reason"),
+    [
+        ("std_msgs/msg/String", bytes((0, 1, 0, 0, 9, 0, 0, 0, 65)), "it cannot be read"),
+        ("std_msgs/msg/Int32", bytes((0, 1, 0, 0, 9, 0, 0, 0)), None),
+    ],
+)
+def test_a_damaged_text_of_parameters_is_said_and_what_is_no_text_is_left_alone(
+    tmp_path: Path, type_name: str, data: bytes, reason: str | None
+) -> None:
+    """The sentence begins with the recording, as that about a text without sense."""
+    topic, store = "/ar_builder/effective_parameters", jazzy_typestore()
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        writer.write(writer.add_connection(topic, type_name, typestore=store), 1, data)
+    found = find_recording(tmp_path / "bag")
+    if reason is None:
+        assert found.told is None
+        return
+    with pytest.raises(ParameterError, match=reason) as raised:
+        _ = found.told
+    assert str(raised.value).startswith(f"{tmp_path / 'bag'}: {topic}: ")

@@ -448,15 +448,16 @@ def describe_folder(file: Path) -> None:
 
 
 def test_a_bare_file_and_a_rosbag2_folder_are_recordings(live: Tape, tmp_path: Path) -> None:
-    """Without effective.yaml what needs it is skipped; it may be given, or lie beside the file."""
+    """Without parameters what needs them is skipped; they may be given, or lie beside the file."""
     bag = tmp_path / "bag"
     bag.mkdir()
     file = live.write_file(bag / "bag_0.mcap")
     results = results_of(file)
     assert bad(results) == []
     assert results["lives"].outcome is Outcome.PASSED
-    assert "effective.yaml" in results["costmap"].sentence()
+    assert "nothing tells its parameters" in results["costmap"].sentence()
     describe_folder(file)
+    (bag / "effective.yaml").write_text("[", encoding="utf-8")  # not looked at where one is given
     given = tuple(check_recording(bag, parameters_file=live.parameters))
     assert {r.name for r in given if r.outcome is not Outcome.PASSED} == NOT_LIVE
 
