@@ -63,10 +63,8 @@ def check_recording(
     map file or parameters.
     """
     files = find_recording(path)
-    if parameters_file is None:
-        parameters = files.told
-    else:
-        parameters = with_file(Parameters(), parameters_file)
+    given = None if parameters_file is None else with_file(Parameters(), parameters_file)
+    parameters = given or files.told
     is_live = not files.is_replay
     of_file, *of_others = check_files(files.files, is_live=is_live)
     with Reading(files, parameters) as reading:
