@@ -119,9 +119,9 @@ class RecordingFiles:
         if self.told is not None:
             return ""
         return (
-            f"; the defaults were taken, as it holds no {_EFFECTIVE} and no {PARAMETERS} of this"
-            " run lies beside it: copy the node's parameter file there by that name, or write it"
-            f" with `ros2 param dump /ar_builder > {PARAMETERS}`"
+            f"; the defaults were taken, as the recording holds no {_EFFECTIVE} and no {PARAMETERS}"
+            " of this run lies beside it: copy the node's parameter file there by that name, or"
+            f" write it with `ros2 param dump /ar_builder > {PARAMETERS}`"
         )
 
 
