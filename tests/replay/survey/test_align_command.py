@@ -256,6 +256,24 @@ def test_map_to_odom_of_the_sample(
     assert_near(pose, *map_from_odom(sample_bag, 3 * S))
 
 
+@pytest.mark.parametrize(("percent", "said"), [(-2, "2% too small"), (0, ""), (2, "2% too large")])
+def test_a_resolution_that_is_wrong_is_said(
+    run_are: RunAre, sample_bag: Path, tmp_path: Path, percent: int, said: str
+) -> None:
+    """The map is found all the same, beside its place; where all is right there is no such line."""
+    made = sample_bag.with_name("sample_office_map.yaml")
+    text = made.read_text(encoding="utf-8").replace("image: ", f"image: {made.parent}/")
+    scaled = f"resolution: {0.05 * (1.0 + 0.01 * percent)}"
+    (tmp_path / "map.yaml").write_text(text.replace("resolution: 0.05", scaled), encoding="utf-8")
+    named = ("--map", tmp_path / "map.yaml", "--map-frame", "site", "--out", tmp_path / "align.png")
+    done = run_are("align", sample_bag, *named)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert line_of(done)[1] == "site map"
+    lines = [line for line in done.stdout.splitlines() if line.startswith("scale")]
+    assert len(lines) == bool(said)
+    assert not lines or f"the map seems about {said} for the scans" in lines[0]
+
+
 @pytest.mark.parametrize("times", [3, pytest.param(20, marks=pytest.mark.long)])
 def test_the_sample_is_found_turned_and_shifted_at_random(sample_bag: Path, times: int) -> None:
     """Each time another odom frame and another origin of the map: 5 cm, 1 degree, no doubt."""
