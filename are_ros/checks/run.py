@@ -63,8 +63,8 @@ def check_recording(
     map file or parameters.
     """
     files = find_recording(path)
-    given = None if parameters_file is None else with_file(Parameters(), parameters_file)
-    parameters = given or files.told
+    chosen = None if parameters_file is None else with_file(Parameters(), parameters_file)
+    parameters = chosen or files.told
     is_live = not files.is_replay
     of_file, *of_others = check_files(files.files, is_live=is_live)
     with Reading(files, parameters) as reading:
