@@ -355,6 +355,9 @@ class Placer:
         self._static: dict[tuple[float, ...], _Static] = {}
         self._departures: dict[CatalogueRow, DepartureConstraint | None] = {}
         self._roomy: dict[float, CandidateCells] = {}
+        self._taken_of: tuple[CatalogueRow | None, OrientedBoxes | None] = None, None
+        self._taken: dict[float, _Mask] = {}
+        """The cells taken for the last row among the last others, by `away_cells`."""
 
     def place(
         self,
@@ -394,9 +397,14 @@ class Placer:
         cells = self._with_room(cells, query.radius_m)
         if not cells.flat.size:
             return None
+        free: _Mask | None = None
         for size in _BATCHES:
             uniforms = generator.random((size, 4))
             flat = cells.draw(uniforms[:, 0])
+            if size > _BATCHES[0]:  # where it is crowded: most poses are taken
+                free = ~self._taken_cells(query, 0.5 * math.sqrt(2.0)) if free is None else free
+                left = free.ravel()[flat]
+                uniforms, flat = uniforms[left], flat[left]
             poses = poses_in_cells(flat, self._grid.width, uniforms, self._lattice)
             for piece in (poses[:_FEW], poses[_FEW:]):
                 found = self._first_feasible(query, piece)
@@ -485,12 +493,17 @@ class Placer:
         """
         taken = self._taken_cells(query).ravel()
         if query.around.within is not None:
-            for piece in self._scan(query, cells):
-                yield piece[~taken[piece // HEADINGS]], False
+            for piece in self._scan(query, lattice_cells(self._grid, cells.flat), taken):
+                yield piece, False
             return
         known = self._static.get(query.key)
         if known is None:
-            pieces = [np.empty(0, np.int64), *self._scan(query, cells)]
+            flat = lattice_cells(self._grid, cells.flat)
+            if 2 * np.count_nonzero(taken[flat]) > flat.size:  # less work than to know them all
+                for piece in self._scan(query, flat, taken):
+                    yield piece, False
+                return
+            pieces = [np.empty(0, np.int64), *self._scan(query, flat)]
             known = _Static(np.empty(0, np.int64), np.concatenate(pieces))
         known = self._checked_on(query, known)
         self._remember(query.key, known)
@@ -499,13 +512,24 @@ class Placer:
             for start in range(0, left.size, _CHUNK_POSES):
                 yield left[start : start + _CHUNK_POSES], is_checked
 
-    def _taken_cells(self, query: PlacementQuery) -> _Mask:
+    def _taken_cells(self, query: PlacementQuery, away_cells: float = 0.0) -> _Mask:
         """Tell at which cells (H, W) the box, however turned, overlaps another artefact.
 
-        A sufficient condition: the disc in it, about the centre of the cell, meets another box by
-        some 1e-6 m, and so do the heights, wherever on the map the ground is.
+        It stands at the centre of the cell, or up to `away_cells` from there. A sufficient
+        condition: the disc in it meets another box by some 1e-6 m, and so do the heights, wherever
+        on the map the ground is.
         """
-        radius_m = _inscribed_radius_m(query.row) - _OVERLAP_M
+        row, others = query.row, query.around.others
+        if row is not self._taken_of[0] or others is not self._taken_of[1]:
+            self._taken_of, self._taken = (row, others), {}
+        if away_cells not in self._taken:  # an arrival without a place asks up to eight times
+            self._taken[away_cells] = self._find_taken_cells(query, away_cells)
+        return self._taken[away_cells]
+
+    def _find_taken_cells(self, query: PlacementQuery, away_cells: float) -> _Mask:
+        """Compute `_taken_cells`."""
+        away_m = away_cells * self._grid.resolution_m
+        radius_m = _inscribed_radius_m(query.row) - away_m - _OVERLAP_M
         packed, half_height_m = query.around.others.packed, 0.5 * query.row.size_m[2]
         ground = self._environment.ground
         centres_m = np.array([[ground.lowest_m()], [ground.highest_m()]]) + half_height_m
@@ -527,9 +551,15 @@ class Placer:
             self._static = {none: known for none, known in self._static.items() if not known.size}
         self._static[key] = static
 
-    def _scan(self, query: PlacementQuery, cells: CandidateCells) -> Iterator[_Poses]:
-        """Yield the lattice poses over some cells that the static map may allow."""
-        row, departure, flat = query.row, query.departure, lattice_cells(self._grid, cells.flat)
+    def _scan(
+        self, query: PlacementQuery, flat: _Cells, taken: _Mask | None = None
+    ) -> Iterator[_Poses]:
+        """Yield the lattice poses over some cells that the static map may allow.
+
+        Those of the cells that are `taken`, bool (H * W,), are left out.
+        """
+        row, departure = query.row, query.departure
+        flat = flat if taken is None else flat[~taken[flat]]
         resolution_m = self._grid.resolution_m
         half_m = (0.5 * row.size_m[0], 0.5 * row.size_m[1])
         spine_m, radius_m = spine_of(*half_m, row.box_centre_in_artefact_m[:2])

@@ -371,6 +371,37 @@ def test_nothing_ever_overlaps() -> None:
     assert np.hypot(*(edges - (2.0, 2.0)).T).min() > 0.7 - 1e-9
 
 
+def test_what_a_crowd_takes_is_left_out_and_changes_no_place(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each arrival comes where it would if each pose were looked at; far fewer are."""
+    looked_at = [0]
+
+    def standing(self: Placer, row: CatalogueRow, poses: Floats) -> tuple[OrientedBoxes, Floats]:
+        looked_at[0] += len(poses)
+        return stands(self, row, poses)
+
+    def filled() -> list[GroundPose | None]:
+        placer, poses = placer_of(np.ones((30, 30), np.bool_), 0.1), list[GroundPose]()
+        places = list[GroundPose | None]()
+        for number in range(120):
+            row = row_of(0.55, 0.3, motion=TURNS if number % 2 else STANDS)
+            others = PlacementConstraints(boxes_of([row] * len(poses), poses))
+            places.append(placer.place(row, stream(number), others))
+            poses += [place for place in places[-1:] if place is not None]
+        return places
+
+    stands = Placer._standing
+    monkeypatch.setattr(Placer, "_standing", standing)
+    quick, few = filled(), looked_at[0]
+    none = np.zeros((30, 30), np.bool_)
+    monkeypatch.setattr(Placer, "_taken_cells", lambda *_: none)
+    looked_at[0] = 0
+    assert quick == filled()
+    assert quick.count(None) > 60
+    assert few < 0.2 * looked_at[0]
+
+
 def test_a_crowd_blocks_and_its_leaving_frees() -> None:
     """Boxes in every slot block the next; without one of them its slot is the only place."""
     free = free_cells("##### #...# ##### #...# #####")
