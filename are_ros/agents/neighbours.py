@@ -1,11 +1,14 @@
 """Neighbours: points in the cells of a spatial hash, queried one place at a time."""
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from are_ros._compiled import borrowing, compiled
+
+_EVERYWHERE_M: Final = 1e12
+"""Within this radius is all that there is; cells so far away still have whole numbers."""
 
 _Floats = npt.NDArray[np.float64]
 _Indices = npt.NDArray[np.int64]
@@ -42,10 +45,11 @@ class Neighbourhood:
     def within(self, x_m: float, y_m: float, radius_m: float) -> npt.NDArray[np.int64]:
         """Return the indices of the points within the closed disc, the nearest first.
 
-        Of two at the same distance, the one with the lower index comes first.
+        Of two at the same distance, the one with the lower index comes first. The radius may be
+        infinite.
         """
         count = len(self.cells[0])
-        found = np.empty(count, np.int64)
+        found, radius_m = np.empty(count, np.int64), min(float(radius_m), _EVERYWHERE_M)
         return found[: find_near(self.cells, x_m, y_m, radius_m, found, np.empty(count))]
 
     def nearest_to(self, places_m: _Floats) -> _Indices:

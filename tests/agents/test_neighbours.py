@@ -44,6 +44,15 @@ def test_a_crowd_of_any_size(count: int) -> None:
         assert near.within(*centre, 7.0).tolist() == slow(points_m, *centre, 7.0)
 
 
+@pytest.mark.parametrize("radius_m", [1e15, 1e30, np.inf])
+def test_a_radius_without_end_finds_all(radius_m: float) -> None:
+    """A behaviour of a user's asks so for everybody."""
+    points_m = np.random.default_rng(4).uniform(0.0, 100.0, (50, 2))
+    found = Neighbourhood(points_m).within(50.0, 50.0, radius_m)
+    assert found.tolist() == slow(points_m, 50.0, 50.0, 1e6)
+    assert len(found) == 50
+
+
 def test_the_nearest_point_is_the_first_of_the_nearest() -> None:
     """On a grid, where several often are as near; also from far away, and among outliers."""
     rng = np.random.default_rng(8)
