@@ -230,7 +230,7 @@ class ValueTables:
         return ValueTable(
             planes=solution.planes,
             epochs=(solution.epochs, key[-1]),
-            settled=np.minimum(solution.settled, NEVER_SETTLED).astype(np.uint8),
+            settled=_settled(solution.settled),
             lengths=ways.lengths,
             costs=ways.costs,
             nearness=coarse.nearness,
@@ -249,7 +249,15 @@ def swept(table: ValueTable, epochs_left: int) -> ValueTable:
     """Return a table with the planes of `SWEPT_EPOCHS` epochs computed again, that one too."""
     last = epochs_left - epochs_left % SWEPT_EPOCHS + SWEPT_EPOCHS - 1
     found = solve(problem_of(table.ways), last, 16 * SWEPT_EPOCHS * table.costs.size)
-    return replace(table, planes=found.planes, epochs=(found.epochs, last))
+    # the last one holds since it is settled with these epochs, which may be more than before
+    return replace(
+        table, planes=found.planes, epochs=(found.epochs, last), settled=_settled(found.settled)
+    )
+
+
+def _settled(epochs: npt.NDArray[np.int32]) -> npt.NDArray[np.uint8]:
+    """Return since which epoch each cell is settled, as `ValueTable` has it."""
+    return np.minimum(epochs, NEVER_SETTLED).astype(np.uint8)
 
 
 def _cells_in(window: Window) -> int:

@@ -245,3 +245,17 @@ def test_the_table_of_a_trip_ends_with_the_life_and_goes_on_if_that_does(
     later = value_tables.swept(short, 11)
     last = min(11, later.epochs[0])
     assert (later.planes[last % len(later.planes)] == whole.planes[min(11, whole.epochs[0])]).all()
+
+
+def test_planes_of_later_epochs_hold_only_where_they_are_settled() -> None:
+    """A life that ends later than it was to asks the table for more epochs than it began with."""
+    coarse = CoarseMap(terrain_of(np.zeros((400, 400), np.bool_)), 0.25)
+    whole = ValueTables(horizon=60, kept_bytes=2**30).value(coarse, WALKER, POINT_M)
+    short = ValueTables(horizon=4).value(coarse, WALKER, POINT_M)
+    assert whole is not None
+    assert short is not None
+    later = value_tables.swept(short, 15)
+    last = later.planes[later.epochs[0] % len(later.planes)]
+    for epochs in range(later.epochs[0]):
+        holds = later.settled <= epochs
+        assert (last[:, holds] == whole.planes[epochs][:, holds]).all()
