@@ -467,7 +467,8 @@ class DecisionLayer:
         state = self._table.states[self._table.row_of(me.id)]
         if state is None:
             return False
-        return self._navigation.sees(state.profile, me.point_m, (x_m, y_m))
+        # whole numbers, too, or the kernel would be compiled once more
+        return self._navigation.sees(state.profile, me.point_m, (float(x_m), float(y_m)))
 
     def _situations(
         self,

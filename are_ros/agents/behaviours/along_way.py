@@ -19,7 +19,7 @@ class AlongWay:
     name: ClassVar[str] = "along_way"
 
     def __init__(self, waypoints_m: tuple[Point, ...], *, repeat: bool = False) -> None:
-        self._waypoints_m = waypoints_m
+        self._waypoints_m = tuple((float(x_m), float(y_m)) for x_m, y_m in waypoints_m)
         self._repeat = repeat
         self._next = 0
         self._begun_ns: int | None = None

@@ -10,6 +10,7 @@ import inspect
 import math
 import reprlib
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from traceback import walk_tb
@@ -76,7 +77,7 @@ def intent_of(behaviour: Behaviour, situation: Situation) -> Intent:
     intent: Intent = answer_of(behaviour, "decide", situation, call)
     if (reason := next(_faults_of(intent), None)) is not None:
         raise wrong_answer(kind, "decide", reason, call)
-    return intent
+    return _with_plain_goal(intent)
 
 
 def reward_of(behaviour: Any, situation: Situation) -> float:
@@ -171,6 +172,17 @@ def _faults_of(intent: object) -> Iterator[str]:
         yield f"the activity {activity!r}: a text is needed"
     elif any("\ud800" <= letter <= "\udfff" for letter in activity):
         yield f"the activity {activity!a}: it is no Unicode text, as a message needs"
+
+
+def _with_plain_goal(intent: Intent) -> Intent:
+    """Return an intent whose goal is a plain tuple of floats.
+
+    For whole numbers or named tuples the kernels would be compiled once more, for seconds.
+    """
+    goal_m = intent.goal_m
+    if goal_m is None or (type(goal_m) is tuple and all(type(one) is float for one in goal_m)):
+        return intent
+    return replace(intent, goal_m=(float(goal_m[0]), float(goal_m[1])))
 
 
 def _is_point(point_m: object) -> bool:

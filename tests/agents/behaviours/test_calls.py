@@ -2,8 +2,9 @@
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 import pytest
 
 from are_ros.agents.behaviours.calls import BehaviourCall, intent_of
@@ -14,6 +15,14 @@ from are_ros.agents.behaviours.walking import Walking
 from are_ros.errors import BehaviourError
 from tests.agents.behaviours import failing
 from tests.agents.behaviours.stage import fellow_at, lattice, row_of, stream
+
+
+class _Place(NamedTuple):
+    """A point as a user may have it."""
+
+    x_m: float
+    y_m: float
+
 
 FILE = Path(failing.__file__)
 LINES = FILE.read_text(encoding="utf-8").splitlines()
@@ -58,6 +67,19 @@ def test_the_line_is_the_users_where_something_of_ours_raised() -> None:
     assert (
         said_of(failing.Helpless()) == f"TypeError: 'NoneType' object is not subscriptable {place}"
     )
+
+
+@pytest.mark.parametrize(
+    "goal_m", [(3, 4), (np.int64(3), 4.0), (np.float32(3.0), np.float64(4.0)), _Place(3.0, 4.0)]
+)
+def test_a_goal_is_a_plain_tuple_of_floats_whatever_it_was(goal_m: Any) -> None:
+    """For each other kind of numbers the kernels would be compiled anew: live, for seconds."""
+    behaviour = failing.Returns()
+    behaviour.what = Intent(goal_m, 1, activity="going")  # type: ignore[misc] # of this one
+    intent = intent_of(behaviour, situation())
+    assert intent == Intent((3.0, 4.0), 1, activity="going")
+    found: Any = intent.goal_m
+    assert [type(found), *map(type, found)] == [tuple, float, float]
 
 
 BAD: list[tuple[Any, str]] = [
