@@ -31,7 +31,7 @@ from are_ros.builder.files.scenario_file import read_scenario
 from are_ros.builder.real_world import RealWorld
 from are_ros.builder.scene import Scene
 from are_ros.builder.spawning.spawner import OutOfView, Spawning, check_zones
-from are_ros.conventions import IDLE_NS, seconds_to_ns
+from are_ros.conventions import IDLE_NS, NS_PER_S, seconds_to_ns
 from are_ros.errors import BehaviourError, CatalogueError, PlacementError, ScenarioError
 from are_ros.parameters.choices import Initial, Leave, Region
 from are_ros.parameters.model import Parameters
@@ -320,9 +320,11 @@ class PopulationManager:
     ) -> int:
         """Add an artefact at exactly this pose, and return its id.
 
-        Raises PlacementError if it cannot stand there, CatalogueError if it cannot have the
-        behaviour, and changes nothing then.
+        Raises PlacementError if it cannot stand there or its life is negative, CatalogueError if it
+        cannot have the behaviour, and changes nothing then.
         """
+        if life_ns is not None and life_ns < 0:
+            raise PlacementError(f"{row.label}: a life of {life_ns / NS_PER_S:g} s is negative")
         refusal = why_not(behaviour, row.motion.speed_mps) if behaviour else None
         if refusal is not None:
             raise CatalogueError(f"{row.label}: behaviour '{behaviour}' {refusal}")

@@ -99,7 +99,8 @@ class ScriptedArtefact:
     artefact arrives at `pose`, on the ground, or at the pose of its `track` with its z. A
     `stays_ns` of None means for ever. At most one of these is given: `way_m`, points (x, y) to walk
     along, again and again with `loop`; `follows`, the name of a leader; `track`. Else its behaviour
-    decides. With an `artefact_id` of None the run assigns one. `origin` and `cause` (of the
+    decides. With an `artefact_id` of None the run assigns one. `speed_mps` [m/s] and `planner` are
+    those that the scenario gives, None and empty if it gives none. `origin` and `cause` (of the
     departure) are those of the run from which the scenario was saved.
     """
 
@@ -114,6 +115,8 @@ class ScriptedArtefact:
     track: Track | None = None
     artefact_id: int | None = None
     name: str = ""
+    speed_mps: float | None = None
+    planner: str = ""
     origin: Origin = Origin.SCRIPTED
     cause: Cause = Cause.LIFE_OVER
 

@@ -102,6 +102,15 @@ def test_a_placement_at_no_finite_height_is_refused(scene: Scene) -> None:
     assert not scene.builder.lives.scene_at(scene.ns(0.2)).artefacts
 
 
+def test_a_placement_for_a_negative_life_is_refused(scene: Scene) -> None:
+    """It would depart before it has arrived."""
+    pose = GroundPose(2.5, 2.0, 0.0, 0.0)
+    with pytest.raises(PlacementError, match=r"a life of -1\.5 s is negative"):
+        scene.builder.lives.place(scene.row(0), pose, scene.ns(0.1), life_ns=-1_500_000_000)
+    assert not scene.builder.lives.scene_at(scene.ns(0.2)).artefacts
+    assert not scene.builder.lives.take_events()
+
+
 def test_nothing_is_placed_before_there_is_a_map(make_scene: Make) -> None:
     """The reason says so."""
     with pytest.raises(PlacementError, match="there is no map yet"):

@@ -215,12 +215,16 @@ def write_scenario(scenario: Scenario, path: Path, catalogue: str = "") -> list[
     """
     _, sidecar = scenario_files(path)
     artefacts = scenario.artefacts
-    tracks = {_key(one): one.track for one in artefacts if one.track and _is_beside(one)}
+    tracks: dict[str, Track] = {}
+    for one in artefacts:
+        if one.track is not None and len(one.track) > 1 and _key(one):
+            tracks.setdefault(_key(one), one.track)
     head: dict[str, Any] = {"name": scenario.name} if scenario.name else {}
     head["random"] = scenario.random
     if tracks:
         write_tracks(sidecar, tracks)
-    content = {"scenario": head, "artefacts": [_entry(one, sidecar.name) for one in artefacts]}
+    entries = [_entry(one, tracks, sidecar.name) for one in artefacts]
+    content = {"scenario": head, "artefacts": entries}
     text = yaml.safe_dump(
         content, sort_keys=False, allow_unicode=True, width=_LINE, default_flow_style=None
     )
@@ -238,18 +242,15 @@ def _place(path: Path, index: int, entry: object) -> str:
     return f"{path}: artefact {index}" + ("" if name is None else f" ({name})")
 
 
-def _is_beside(artefact: ScriptedArtefact) -> bool:
-    """Tell whether a track goes into the CSV file: it has several poses, and the artefact a key."""
-    track = artefact.track
-    return bool(track and len(track) > 1 and _key(artefact))
-
-
 def _key(artefact: ScriptedArtefact) -> str:
     return artefact.name if artefact.artefact_id is None else str(artefact.artefact_id)
 
 
-def _entry(artefact: ScriptedArtefact, sidecar: str) -> dict[str, Any]:
-    """Return the YAML entry of one artefact, without fields that have their default."""
+def _entry(artefact: ScriptedArtefact, beside: Mapping[str, Track], sidecar: str) -> dict[str, Any]:
+    """Return the YAML entry of one artefact, without fields that have their default.
+
+    Its track is in the file `sidecar` if it is among those `beside`.
+    """
     given: dict[str, Any] = {"label": artefact.row.label}
     if artefact.artefact_id is not None:
         given["id"] = artefact.artefact_id
@@ -262,19 +263,26 @@ def _entry(artefact: ScriptedArtefact, sidecar: str) -> dict[str, Any]:
         given["origin"] = artefact.origin.name.lower()
     if artefact.cause is not Cause.LIFE_OVER:
         given["left_by"] = artefact.cause.value
-    return given | _movement(artefact, sidecar)
+    return given | _movement(artefact, beside, sidecar)
 
 
-def _movement(artefact: ScriptedArtefact, sidecar: str) -> dict[str, Any]:
+def _movement(
+    artefact: ScriptedArtefact, beside: Mapping[str, Track], sidecar: str
+) -> dict[str, Any]:
     given: dict[str, Any] = {}
     if artefact.follows:
         given["follows"] = artefact.follows
     elif not artefact.way_m and artefact.behaviour != "standing":
         given["behaviour"] = artefact.behaviour
     if artefact.track is not None:
-        return given | {"track": sidecar if _is_beside(artefact) else _inline(artefact.track)}
+        is_beside = beside.get(_key(artefact)) is artefact.track
+        return given | {"track": sidecar if is_beside else _inline(artefact.track)}
     pose = artefact.pose
     given["at"] = [pose.x_m, pose.y_m, pose.yaw_rad]
+    if artefact.speed_mps is not None:
+        given["speed"] = artefact.speed_mps
+    if artefact.planner:
+        given["planner"] = artefact.planner
     if artefact.way_m:
         given |= {"way": [list(point) for point in artefact.way_m], "loop": artefact.loop}
     return given
@@ -323,8 +331,10 @@ def _artefact(given: Fields, catalogue: Catalogue, files: _TrackFiles) -> Script
     if "arrives" in given:
         arrives_ns = _ns(given, "arrives", given.raw("arrives"))
     stays = given.raw("stays")
+    speed_mps, planner = _speed_mps(given, row), _planner(given, row)
+    moved = row if speed_mps is None else _at_speed(row, speed_mps)
     return ScriptedArtefact(
-        row=_planned(given, _at_speed(given, row)),
+        row=replace(moved, planners={planner: 1.0}) if planner else moved,
         pose=_pose(given) if track is None else track.pose_at(arrives_ns),
         arrives_ns=arrives_ns,
         stays_ns=None if stays is None or stays == "forever" else _ns(given, "stays", stays),
@@ -335,6 +345,8 @@ def _artefact(given: Fields, catalogue: Catalogue, files: _TrackFiles) -> Script
         track=track,
         artefact_id=artefact_id,
         name=name,
+        speed_mps=speed_mps,
+        planner=planner,
         origin=_ORIGINS[given.choice("origin", tuple(_ORIGINS), "scripted")],
         cause=_CAUSES[given.choice("left_by", tuple(_CAUSES), Cause.LIFE_OVER.value)],
     )
@@ -430,27 +442,32 @@ def _way(given: Fields) -> tuple[tuple[float, float], ...]:
     return tuple((x_m, y_m) for x_m, y_m in way)
 
 
-def _at_speed(given: Fields, row: CatalogueRow) -> CatalogueRow:
-    """Return the row, with the speed given if any, which is not above the row's own."""
+def _at_speed(row: CatalogueRow, speed_mps: float) -> CatalogueRow:
+    """Return the row with another speed."""
+    return replace(row, motion=replace(row.motion, speed_mps=speed_mps))
+
+
+def _speed_mps(given: Fields, row: CatalogueRow) -> float | None:
+    """Return the speed given, which is not above the row's own; None if none is."""
     if "speed" not in given:
-        return row
+        return None
     _check_moves(given, "speed", row)
     speed_mps, most = given.number("speed", positive=True), row.motion.speed_mps
     if speed_mps > most:
         given.refuse("speed", f"is {speed_mps:g}, but {row.label} moves at {most:g} m/s at most")
-    return replace(row, motion=replace(row.motion, speed_mps=speed_mps))
+    return speed_mps
 
 
-def _planned(given: Fields, row: CatalogueRow) -> CatalogueRow:
-    """Return the row, with the planner given as its only one, if any is."""
+def _planner(given: Fields, row: CatalogueRow) -> str:
+    """Return the planner given, empty if none is."""
     if "planner" not in given:
-        return row
+        return ""
     _check_moves(given, "planner", row)
     planner = given.text("planner")
     reason = why_no_planner(planner)
     if reason:
         given.refuse("planner", f"is {planner!r}, which {reason}")
-    return replace(row, planners={planner: 1.0})
+    return planner
 
 
 def _track(given: Fields, files: _TrackFiles, artefact_id: int | None, name: str) -> Track | None:

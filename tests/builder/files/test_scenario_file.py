@@ -338,3 +338,30 @@ def test_a_track_of_several_poses_lies_beside_the_file(tmp_path: Path) -> None:
     sidecar.write_bytes(sidecar.read_bytes()[:-8])
     with pytest.raises(ScenarioError, match="line 3: it has 5 cells, the first line 6"):
         read_scenario(tmp_path / "s.yaml", CATALOGUE)
+
+
+def test_tracks_are_not_mixed_up_where_a_name_is_the_id_of_another(tmp_path: Path) -> None:
+    """Only one of two tracks with one key lies beside the file."""
+    tracks = [
+        Track(np.array([0, 10**9]), np.array([(x_m, 2.0, 0.0, 0.5), (x_m, 3.0, 0.0, 0.5)]))
+        for x_m in (1.0, 4.0)
+    ]
+    row, path = CATALOGUE.rows[14], tmp_path / "s.yaml"
+    named, numbered = (ScriptedArtefact(row, one.pose(0), 0, track=one) for one in tracks)
+    numbered, named = replace(numbered, artefact_id=2 * 10**9), replace(named, name="2000000000")
+    for both in ((named, numbered), (numbered, named)):
+        write_scenario(Scenario(both), path)
+        for one, other in zip(both, read_scenario(path, CATALOGUE).artefacts, strict=True):
+            assert one.track is not None
+            assert other.track is not None
+            np.testing.assert_array_equal(other.track.poses, one.track.poses)
+
+
+def test_speed_and_planner_survive(tmp_path: Path) -> None:
+    """They are written again where a scenario gave them."""
+    given = "row: 14, at: [0, 0, 0], way: [[1, 1]], speed: 0.4, planner: path_following"
+    first = _one(tmp_path, given)
+    write_scenario(Scenario((first,)), tmp_path / "again.yaml")
+    (again,) = read_scenario(tmp_path / "again.yaml", CATALOGUE).artefacts
+    assert (again.speed_mps, again.planner) == (0.4, "path_following")
+    assert (again.row.motion, again.row.planners) == (first.row.motion, first.row.planners)
