@@ -143,6 +143,10 @@ class CoarseMaps:
         self._cell_size_m = cell_size_m
         self._maps: OrderedDict[tuple[int, float, float], CoarseMap] = OrderedDict()
 
+    def clear(self) -> None:
+        """Drop all maps, and the grids that they hold: there is a new environment."""
+        self._maps.clear()
+
     def of(self, terrain: Terrain, radius_m: float) -> CoarseMap:
         """Return the map for a disc, its radius rounded up."""
         radius_m = rounded_up_m(radius_m)

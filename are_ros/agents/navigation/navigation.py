@@ -172,9 +172,10 @@ class Navigation:
         self._tables = ValueTables(max(0, epochs - AHEAD))
 
     def enter(self, environment: Environment, places: Destinations) -> None:
-        """Use another environment, or other destinations in it; forget values of the last one."""
+        """Use another environment, or other destinations in it; forget all of the last one."""
         if environment is not self._environment:
             self._tables.clear()
+            self._coarse_maps.clear()
         self._environment, self.places = environment, places
         self._reach = ReachableDestinations(places)
 

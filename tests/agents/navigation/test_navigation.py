@@ -33,6 +33,7 @@ from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistor
 from are_ros.population.catalogue import CatalogueRow, MotionLimits, RewardWeights
 from are_ros.population.meshes.shapes import Shape
 from are_ros.world.environment import Environment
+from are_ros.world.occupancy_grid import OccupancyGrid
 from tests.agents.floors import terrain_of, two_rooms
 
 WALK = MotionLimits(1.3, 1.5, 3.0, 0.0, 1.8)
@@ -654,3 +655,16 @@ def test_values_that_nobody_goes_by_are_let_go() -> None:
             ways.prospects([NavigationRequest(one, me_in(view), intent, SPEEDS_MPS)], view, None)
         gc.collect()
         assert owner() is None
+
+
+def test_an_environment_that_is_left_is_let_go() -> None:
+    """While a map grows there is a new one each second, and each may have millions of cells."""
+    ways, left = navigation(rooms()), list[weakref.ref[OccupancyGrid]]()
+    for version in range(1, 4):
+        environment = rooms(version=version)
+        ways.enter(environment, ways.places)
+        ways.places_from(profile(), (1.0, 1.0))
+        left.append(weakref.ref(environment.grid))
+        del environment
+    gc.collect()
+    assert [one() is None for one in left] == [True, True, False]
