@@ -37,6 +37,7 @@ from are_ros.agents.local_planner.rollouts import (
 from are_ros.agents.local_planner.state import (
     BY_ARTEFACT,
     COS,
+    LEG_POSES,
     NEVER,
     NOBODY,
     SIN,
@@ -59,7 +60,6 @@ _Search = tuple[
 """What `_find_manoeuvre` takes before the rows that stand."""
 
 _STEP = 0.3  # the length of a node's leg in turning radii, and so an angle [rad]
-_POSES = 8  # so many of a leg are looked at
 _MOST_NODES = 2400
 _CELLS, _CELL = 40, 0.25  # poses in one cell, of so many turning radii, and of one of `_YAWS`
 _YAWS = 24  # headings are one to the search
@@ -271,9 +271,9 @@ def _find_manoeuvre(
             break
         for option in range(6):
             sense, bend = _meaning(option, radius)
-            for k in range(1, _POSES + 1):
-                _move(path, k, bend, sense * step * k / _POSES)
-            end = path[_POSES]
+            for k in range(1, LEG_POSES + 1):
+                _move(path, k, bend, sense * step * k / LEG_POSES)
+            end = path[LEG_POSES]
             col = int(np.floor((end[X] - start_x) / (_CELL * radius))) + _CELLS // 2
             row = int(np.floor((end[Y] - start_y) / (_CELL * radius))) + _CELLS // 2
             turn = int(np.floor(end[YAW] * (_YAWS / (2.0 * np.pi)))) % _YAWS
@@ -282,17 +282,17 @@ def _find_manoeuvre(
             cost = costs[n] + step * (1.0 if sense > 0 else REVERSE_PRICE)
             cost += _SHUNT * radius if sense * gears[n] < 0 else 0.0
             cost += _STEER * radius if bend != bends[n] else 0.0
-            pace = step / _POSES * (1.0 + body.radius / radius)
+            pace = step / LEG_POSES * (1.0 + body.radius / radius)
             if (
                 cost >= least[option // 3, turn, row, col] - 1e-9
-                or not _is_free(path, _POSES, body, pace, _MARGIN_M, floor, box)
-                or not _is_clear(path, _POSES, body, pace, _MARGIN_M, agents, standing)
+                or not _is_free(path, LEG_POSES, body, pace, _MARGIN_M, floor, box)
+                or not _is_clear(path, LEG_POSES, body, pace, _MARGIN_M, agents, standing)
             ):
                 continue
             least[option // 3, turn, row, col] = cost
             lefts[count] = _left_without_walls(end, point, radius)
             costs[count], totals[count], parents[count] = cost, cost + lefts[count], n
-            _copy(poses, count, path, _POSES)
+            _copy(poses, count, path, LEG_POSES)
             gears[count], bends[count], options[count] = sense, bend, option
             count += 1
         totals[n] = np.inf

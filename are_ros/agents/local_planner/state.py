@@ -27,6 +27,9 @@ DYNAMIC_WINDOW, SOCIAL_FORCE, PATH_FOLLOWING, WISHES = range(len(PLANNERS) + 1)
 """The planner of a command: those of `PLANNERS`, or the wishes of a user's."""
 MOST_WISHES: Final = 16
 
+LEG_POSES: Final = 8
+"""So many poses of a leg are looked at in the search for a manoeuvre, in the scratch of a path."""
+
 _WALK_S: Final = 1.0
 _DRIVE_S: Final = 1.5
 _BRAKE_S: Final = 2.5
@@ -212,8 +215,11 @@ def timing_of(step_s: float) -> PlannerTiming:
 
 
 def path_length(timing: PlannerTiming) -> int:
-    """Return how many poses the longest path has: a manoeuvre, and braking to a stand."""
-    return timing.drive + round(_BRAKE_S / timing.step_s) + 3
+    """Return how many poses the longest path has: a manoeuvre, and braking to a stand.
+
+    With long sub-steps a leg of the search for a manoeuvre has more.
+    """
+    return max(timing.drive + round(_BRAKE_S / timing.step_s) + 3, LEG_POSES + 1)
 
 
 def agent_arrays(capacity: int, length: int) -> AgentArrays:

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from are_ros.agents.body import Body, MotionCommand
 from are_ros.agents.local_planner.planner import Obstruction
 from are_ros.agents.local_planner.primitives import point_ahead, way_left
-from are_ros.agents.local_planner.state import NEVER
+from are_ros.agents.local_planner.state import NEVER, workspace_of
+from are_ros.agents.table import AgentTable
 from tests.agents.local_planner.own_planners import MODULE
 from tests.agents.local_planner.streets import (
     CAR,
@@ -272,3 +273,20 @@ def test_the_point_ahead_is_the_sub_goal_where_the_way_ends_else_one_beyond() ->
             assert math.hypot(x_m - 30.0, y_m - 30.0) == pytest.approx(max(away_m, 4.0 * radius_m))
             back_m = way_left(30.0, 30.0, 0.4 + math.pi, x_m, y_m, radius_m)
             assert way_left(30.0, 30.0, 0.4, x_m, y_m, radius_m) < 2.0 * back_m
+
+
+@pytest.mark.parametrize("step_s", [0.05, 0.75, 1.0])
+def test_the_search_writes_only_where_its_poses_are(step_s: float) -> None:
+    """With long sub-steps paths have few poses, and a leg of the search would have more."""
+    street = Street(environment(room(60.0, 8.0)), AgentTable(step_s), inspects=False)
+    workspace = street.planner._workspace
+    memory = np.full(workspace.paths.size + 600, 7.0)
+    paths = memory[: workspace.paths.size].reshape(workspace.paths.shape)
+    scratch = workspace_of(8, paths.shape[1])
+    street.planner._workspace = scratch._replace(paths=paths)
+    street.add(1, 30.0, 4.0, 0.0, CAR)
+    go_on(street, (10.0, 4.0))
+    for _ in range(5):
+        street.step()
+    assert (paths != 7.0).any()
+    assert (memory[workspace.paths.size :] == 7.0).all()
