@@ -227,6 +227,9 @@ class PopulationManager:
         self.population.halt(from_ns)
         self.clear(from_ns, Cause.RECORDING_GAP)
         self.population.interrupt(from_ns, until_ns)
+        if self.is_paused:  # of the pause count what is before the gap, and what is after it
+            self.population.postpone(self._paused_ns, from_ns)
+            self._paused_ns = until_ns
         if self.crowd.recorder is not None:
             self.crowd.recorder.postpone(until_ns - from_ns)
         self._go_on(until_ns)

@@ -465,6 +465,20 @@ def test_a_scenario_begins_with_a_population_that_is_paused(
     assert lives.population.scripted.next_ns() == scene.ns(to_s + 70.0)
 
 
+def test_a_gap_within_a_pause_postpones_a_scenario_once(make_scene: Make, tmp_path: Path) -> None:
+    """The gap is a part of the pause."""
+    path = tmp_path / "scenario.yaml"
+    path.write_text("artefacts:\n  - {label: post, at: [3.0, 3.0, 0.0], arrives: 60.0}\n")
+    scene = make_scene({"population.scenario": str(path)})
+    lives = scene.builder.lives
+    scene.map(0.0)
+    scene.builder.advance(scene.ns(2.0))
+    lives.pause(scene.ns(2.0), is_paused=True)
+    scene.builder.interrupt(scene.ns(3.0), scene.ns(5.0))
+    lives.pause(scene.ns(7.0), is_paused=False)
+    assert lives.population.scripted.next_ns() == scene.ns(65.0)
+
+
 @pytest.mark.parametrize("masks", [True, False])
 def test_an_id_that_does_not_fit_into_a_mask_is_refused(
     make_scene: Make, tmp_path: Path, *, masks: bool
