@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from are_ros.agents.body import Body, MotionCommand
 from are_ros.agents.local_planner.planner import Obstruction
 from are_ros.agents.local_planner.primitives import point_ahead, way_left
-from are_ros.agents.local_planner.state import NEVER, workspace_of
+from are_ros.agents.local_planner.state import NEVER, path_length, timing_of, workspace_of
 from are_ros.agents.table import AgentTable
 from tests.agents.local_planner.own_planners import MODULE
 from tests.agents.local_planner.streets import (
@@ -282,7 +282,7 @@ def test_the_search_writes_only_where_its_poses_are(step_s: float) -> None:
     workspace = street.planner._workspace
     memory = np.full(workspace.paths.size + 600, 7.0)
     paths = memory[: workspace.paths.size].reshape(workspace.paths.shape)
-    scratch = workspace_of(8, paths.shape[1])
+    scratch = workspace_of(8, path_length(timing_of(step_s)))
     street.planner._workspace = scratch._replace(paths=paths)
     street.add(1, 30.0, 4.0, 0.0, CAR)
     go_on(street, (10.0, 4.0))
