@@ -46,7 +46,8 @@ WAITING_TICKS: Final = 20
 """The messages of a tick come in any order, but not later than this."""
 LATEST_TICKS: Final = 1200
 """A list of the perceived comes at most so much later: 10 s of latency at 100 Hz, and some."""
-_WAITING_SCANS: Final = 40
+_WAITING_SCANS: Final = 2000
+"""Scans as received wait for what was made of them: seconds, of several lasers at 100 Hz."""
 _NO_METRICS: Final = SceneMetrics(0, 0, 0, 0, 0, 0, 0, 0.0, 0.0)
 
 
@@ -301,29 +302,44 @@ class SceneReader:
 
 
 class _ScanKeeper:
-    """Finds the ends of the beams, and which returns are virtual: those that the input lacks."""
+    """Finds the ends of the beams, and which returns are virtual: those that the input lacks.
+
+    The scans are those that the node gave out; where it gave out none yet, those it received.
+    """
 
     def __init__(self, map_frame: str) -> None:
         self._map_frame = map_frame
         self.inputs: OrderedDict[tuple[int, str], LaserScan] = OrderedDict()
         self.outputs: OrderedDict[tuple[int, str], LaserScan] = OrderedDict()
+        self._are_given_out = False
+        self._shown_ns: dict[str, int] = {}
+        """The stamp of the last scan of each frame that was returned."""
 
     def forget(self) -> None:
         """Forget all scans: the clock jumped back."""
         self.inputs.clear()
         self.outputs.clear()
+        self._shown_ns.clear()
 
     def take(self, frames: FrameTree) -> tuple[ScanPoints, ...]:
-        """Return the newest scan of each frame that can be placed, and forget all before it."""
-        found: dict[str, ScanPoints] = {}
-        for (stamp_ns, frame_id), scan in reversed((self.outputs or self.inputs).items()):
-            if frame_id in found:
+        """Return the newest scan of each frame that can be placed, those since the last call."""
+        self._are_given_out = self._are_given_out or bool(self.outputs)
+        found: list[ScanPoints] = []
+        newest_ns: dict[str, int] = {}
+        scans = self.outputs if self._are_given_out else self.inputs
+        for (stamp_ns, frame_id), scan in reversed(scans.items()):
+            if frame_id in newest_ns:
+                continue
+            if stamp_ns == self._shown_ns.get(frame_id):  # and so are all before it
+                newest_ns[frame_id] = stamp_ns
                 continue
             pose = frames.try_lookup(self._map_frame, frame_id, stamp_ns)
             if pose is not None:
-                found[frame_id] = scan_points(scan, self.inputs.get((stamp_ns, frame_id)), pose)
+                found.append(scan_points(scan, self.inputs.get((stamp_ns, frame_id)), pose))
+                newest_ns[frame_id] = stamp_ns
+        self._shown_ns |= newest_ns
         self.outputs.clear()
-        return tuple(found.values())
+        return tuple(found)
 
 
 def _remember(scans: "OrderedDict[tuple[int, str], LaserScan]", message: Any) -> None:

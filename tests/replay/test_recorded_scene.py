@@ -8,15 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from are_ros.bag.decoded import value_of
 from are_ros.bag.recording import Recording, find_recording
 from are_ros.bag.types import jazzy_typestore
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.scene import Moment
 from are_ros.errors import BagError
+from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
 from are_ros.replay.pictures import draw_recording
 from are_ros.replay.recorded_scene import (
     AUGMENTED_SCAN,
+    SCAN,
     RecordedScene,
     SceneReader,
     read_recorded_scene,
@@ -144,6 +147,57 @@ def test_the_live_view_shows_the_robot_of_each_round_of_a_loop(
     alone, _, again = np.array(poses[0]), poses[1], np.array(poses[2])
     assert np.isfinite(alone[-60:]).all()
     np.testing.assert_array_equal(again[-60:], alone[-60:])
+
+
+def _scans_shown(order: list[str], count: int = 1) -> list[tuple[int, int]]:
+    """Return how many returns, and virtual ones, each tick shows.
+
+    `order` has the roles of the messages; each time `count` scans come, of which one beam is
+    virtual.
+    """
+    shown: list[tuple[int, int]] = []
+    store, numbers = jazzy_typestore(), {SCAN: 0, AUGMENTED_SCAN: 0}
+    types = store.types
+
+    def keep(moment: Moment, _: Camera | None) -> None:
+        returns = sum(len(scan.points_m) for scan in moment.scans)
+        shown.append((returns, sum(int(scan.is_virtual.sum()) for scan in moment.scans)))
+
+    parameters = with_values(Parameters(), {"frames.static": ("0 0 0 0 0 0 map laser",)})
+    reader = SceneReader(parameters, keep, has_camera_info=False, is_live=True)
+    stamp, header = types["builtin_interfaces/msg/Time"], types["std_msgs/msg/Header"]
+    for tick, role in enumerate(order):
+        if role == "tick":
+            none = types["are_msgs/msg/ArtefactArray"](header(stamp(tick, 0), "map"), [])
+            reader.take("artefacts", value_of("are_msgs/msg/ArtefactArray", none, tick * NS_PER_S))
+            continue
+        for _ in range(count):
+            numbers[role] += 1
+            near = 1.0 if role == AUGMENTED_SCAN else 3.0
+            ranges = np.array([near, 3.0, 3.0], np.float32)
+            head = header(stamp(0, numbers[role] * 10_000_000), "laser")
+            numbers_of = (-0.1, 0.1, 0.1, 0.0, 0.0, 0.1, 10.0)
+            scan = types["sensor_msgs/msg/LaserScan"](head, *numbers_of, ranges, ranges[:0])
+            reader.take(role, scan)
+    reader.finish()
+    return shown
+
+
+def test_between_augmented_scans_no_scan_as_received_is_shown() -> None:
+    """Where ticks are quicker than a laser, virtual returns would blink."""
+    order = [SCAN, AUGMENTED_SCAN, "tick", SCAN, "tick", AUGMENTED_SCAN, "tick", "tick"]
+    assert _scans_shown(order) == [(3, 1), (0, 0), (3, 1), (0, 0)]
+
+
+def test_a_scan_of_a_recording_without_augmented_ones_is_shown_at_one_tick() -> None:
+    """The viewer keeps it for a second; a laser that is silent would be shown for ever."""
+    assert _scans_shown([SCAN, "tick", "tick", SCAN, "tick"]) == [(3, 0), (0, 0), (3, 0)]
+
+
+def test_virtual_returns_are_known_of_scans_that_waited_while_many_others_came() -> None:
+    """As of some lasers of 40 Hz that wait for their transforms for a second."""
+    assert _scans_shown([SCAN, AUGMENTED_SCAN, "tick"], 100) == [(3, 1)]
+    assert _scans_shown([SCAN, SCAN, SCAN, AUGMENTED_SCAN, "tick"], 100) == [(3, 1)]
 
 
 def test_an_event_of_no_kind_is_refused_in_a_sentence(sample_replay: Path, tmp_path: Path) -> None:
