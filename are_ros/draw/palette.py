@@ -144,6 +144,12 @@ def class_colours(names: Sequence[str]) -> dict[str, Rgb]:
     return _completed(_CLASSES, _FURTHER_CLASSES, names)
 
 
+def with_class(colours: Mapping[str, Rgb], name: str) -> dict[str, Rgb]:
+    """Return colours of `class_colours` with that of one more class; the others keep theirs."""
+    number = (len(colours) - len(_CLASSES)) % len(_FURTHER_CLASSES)
+    return {**colours, name: _FURTHER_CLASSES[number]}
+
+
 def shade_of(colour: Rgb, artefact_id: int) -> Rgb:
     """Return the colour of a class, a little lighter or darker by the id, to tell paths apart."""
     hue, light, saturation = colorsys.rgb_to_hls(*(part / 255.0 for part in colour))

@@ -9,7 +9,7 @@ import io
 import json
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -22,7 +22,7 @@ import numpy.typing as npt
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.conventions import NS_PER_S
 from are_ros.draw.map import known_part, map_from_part, shaded
-from are_ros.draw.palette import END, ROBOT, SEEN, Rgb, class_colours, hex_of
+from are_ros.draw.palette import END, ROBOT, SEEN, Rgb, class_colours, hex_of, with_class
 from are_ros.draw.robot import level_sight, robot_outline
 from are_ros.draw.scene import ArtefactAt, Moment, ScanPoints, SceneRecord, shown_every
 from are_ros.draw.sheet import id_text
@@ -134,9 +134,9 @@ class ArtefactBodies:
         return self._meshes[key]
 
     def colour(self, class_name: str) -> Rgb:
-        """Return the colour of a class."""
+        """Return the colour of a class; it stays, whichever others come."""
         if class_name not in self._colours:
-            self._colours = class_colours([*self._colours, class_name])
+            self._colours = with_class(self._colours, class_name)
         return self._colours[class_name]
 
 
@@ -177,7 +177,7 @@ def write_view(path: Path, place: ViewedPlace, record: SceneRecord, title: str) 
         page = recorder.as_html()
     finally:
         stop_server(server)
-    overlay = _overlay(title, shown)
+    overlay = _overlay(title, shown, scene.colours(shown), notes)
     at = page.rindex("</body>")
     page = page[:at] + overlay + page[at:]
     # The title is a file's name, which may be no UTF-8.
@@ -260,12 +260,16 @@ class ViewedScene:
                 self._artefacts[one.artefact_id] = self._new_artefact(one)
             is_perceived = one.artefact_id in tick.perceived
             self._artefacts[one.artefact_id].show(one, is_perceived=is_perceived)
-        if tick.scans:
+        if tick.scans and with_scans:
             self._scan_ns = tick.stamp_ns
-            if with_scans:
-                self._show_scans(tick.scans)
+            self._show_scans(tick.scans)
         elif not 0 <= tick.stamp_ns - self._scan_ns < _SCAN_LASTS_NS:
             self._show_scans(())
+
+    def colours(self, ticks: Sequence[Moment]) -> dict[str, Rgb]:
+        """Return the colours in which the artefacts of ticks are drawn, by class in their order."""
+        classes = sorted({one.row.class_name for tick in ticks for one in tick.artefacts})
+        return {name: self._bodies.colour(name) for name in classes}
 
     def switch(self, layer: str, *, is_shown: bool) -> None:
         """Show or hide one of `LAYERS`."""
@@ -658,16 +662,19 @@ def _stage_of(place: ViewedPlace, ticks: Sequence[Moment], margin_m: float) -> t
     return np.array((*middle, place.ground_m)), distance_m
 
 
-def _overlay(title: str, ticks: Sequence[Moment]) -> str:
-    """Return the legend of the page, with the layers to switch, and its script."""
-    classes = sorted({one.row.class_name for tick in ticks for one in tick.artefacts})
-    colours = class_colours(classes)
+def _overlay(
+    title: str, ticks: Sequence[Moment], colours: Mapping[str, Rgb], notes: Sequence[str]
+) -> str:
+    """Return the legend of the page, with the layers to switch, and its script.
+
+    `colours` are those of the classes, `notes` say what was left out.
+    """
     starts = np.concatenate(((0.0,), np.cumsum(_lengths_s(ticks)[:-1])))
     has_scans = any(tick.scans for tick in ticks)
     entries = [
         ("real robot", ROBOT, "1"),
         ("camera's view", SEEN, "0.5"),
-        *((name, colours[name], "1") for name in classes),
+        *((name, colour, "1") for name, colour in colours.items()),
     ]
     if has_scans:
         entries += [("laser return", _RETURN, "1"), ("virtual return", _VIRTUAL, "1")]
@@ -689,6 +696,7 @@ def _overlay(title: str, ticks: Sequence[Moment]) -> str:
     for key, value in {
         "TITLE": html.escape(title),
         "ROWS": rows,
+        "NOTES": "".join(f"<p>{html.escape(note)}</p>" for note in notes),
         "LAYERS": layers,
         "DATA": json.dumps(data),
     }.items():

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from are_ros.conventions import NS_PER_S
 from are_ros.draw import viewer
-from are_ros.draw.palette import ROBOT, class_colours
+from are_ros.draw.palette import ROBOT, class_colours, hex_of
 from are_ros.draw.scene import (
     MOST_TICKS,
     ArtefactAt,
@@ -262,6 +262,55 @@ def test_a_scan_is_shown_until_the_next_one() -> None:
     finally:
         viewer.stop_server(server)
     assert seen == [True] * 28 + [False] * 12
+
+
+@needs_viser
+def test_a_scan_is_not_shown_on_at_ticks_whose_own_is_left_out() -> None:
+    """After a second, as that of any laser that ends: its virtual returns would be elsewhere."""
+    server = viewer.start_server(0)
+    try:
+        scene, seen = viewer.ViewedScene(server.scene, place()), []
+        for number in range(0, 24, 6):
+            scene.show(tick(number), with_scans=number in {0, 18})
+            seen.append(server.scene.get_handle_by_name("/scans/virtual").visible)
+    finally:
+        viewer.stop_server(server)
+    assert seen == [True, True, False, True]
+
+
+@needs_viser
+def test_the_legend_has_the_colours_of_the_artefacts(tmp_path: Path) -> None:
+    """Also of classes of the user's own, of which not all came, with or without their catalogue."""
+    rows = [artefact(k, name, 1.0).row for k, name in enumerate(("bike", "cone", "zebra"))]
+    catalogue = Catalogue(tuple(replace(row, index=k) for k, row in enumerate(rows)))
+    moment = replace(tick(0), artefacts=[artefact(3, "zebra", 1.0), artefact(5, "cone", 2.0)])
+    recorder = SceneRecorder(Parameters(), Catalogue(()))
+    recorder.keep(moment, None)
+    for known in (catalogue, Catalogue(())):
+        server = viewer.start_server(0)
+        try:
+            scene = viewer.ViewedScene(server.scene, replace(place(), catalogue=known))
+            scene.show(moment)
+            names = {"zebra": "/artefacts/3", "cone": "/artefacts/5"}
+            bodies = {name: server.scene.get_handle_by_name(node) for name, node in names.items()}
+            drawn = {name: tuple(int(part) for part in one.color) for name, one in bodies.items()}
+        finally:
+            viewer.stop_server(server)
+        assert len({*drawn.values()}) == 2
+        assert scene.colours([moment]) == drawn
+        seen = replace(place(), catalogue=known)
+        write_view(tmp_path / "view.html", seen, recorder.record(), "a room")
+        text = (tmp_path / "view.html").read_text(encoding="utf-8")
+        for name, colour in drawn.items():
+            assert f'"background:{hex_of(colour)};opacity:1"></i>{name}</li>' in text
+
+
+@needs_viser
+def test_the_page_says_what_it_leaves_out(tmp_path: Path) -> None:
+    """As the terminal does: who gets the page has not seen that."""
+    view = write_view(tmp_path / "view.html", place(), ticks(MOST_TICKS + 1), "a room")
+    assert view.notes == ("one of 2 ticks is shown",)
+    assert "<p>one of 2 ticks is shown</p>" in view.path.read_text(encoding="utf-8")
 
 
 @needs_viser
