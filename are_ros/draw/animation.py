@@ -4,6 +4,7 @@ import io
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -35,7 +36,7 @@ from are_ros.draw.palette import (
     mixed,
 )
 from are_ros.draw.robot import draw_robot, draw_view, fan_at, other_fans, walls_of
-from are_ros.draw.scene import Life, SceneRecord
+from are_ros.draw.scene import Life, LivesById, SceneRecord
 from are_ros.draw.sheet import (
     Entry,
     Label,
@@ -238,7 +239,7 @@ class Frames:
         px_per_m = min(largest[0] / window.width_m, largest[1] / window.height_m)
         self.view = View(window, px_per_m, 0.0, HEADER_PX)
         self._colours = class_colours([life.row.class_name for life in record.lives])
-        self._classes = {life.artefact_id: life.row.class_name for life in record.lives}
+        self._lives = LivesById(record.lives)
         self._tag_colours = behaviour_colours(
             [doing.behaviour for life in record.lives for doing in life.doings]
         )
@@ -313,16 +314,18 @@ class Frames:
             if stamp_ns - doing.since_ns >= _NEWS_NS:
                 return None
             if i == begun[-1] and _is_long_wait(life, i):
-                return _News(f"{number} {_ARTEFACT.sub(self._named, doing.activity)}", INK)
+                named = partial(self._named, doing.since_ns)
+                return _News(f"{number} {_ARTEFACT.sub(named, doing.activity)}", INK)
             if doing.behaviour != before.behaviour:
                 text = f"{number} {before.behaviour} \N{RIGHTWARDS ARROW} {doing.behaviour}"
                 return _News(text, mixed(self._tag_colours[doing.behaviour], 0.85, INK))
         return None
 
-    def _named(self, found: re.Match[str]) -> str:
-        """Return the class and the id of an artefact that an activity names."""
+    def _named(self, since_ns: int, found: re.Match[str]) -> str:
+        """Return the class and the id of an artefact that an activity names, which began then."""
         number = int(found[1])
-        return f"{self._classes.get(number, 'artefact')} {id_text(number)}"
+        life = self._lives.at(number, since_ns)
+        return f"{'artefact' if life is None else life.row.class_name} {id_text(number)}"
 
     def _draw_field_of_view(self, canvas: Canvas, stamp_ns: int) -> None:
         stamps = self._record.camera.stamps_ns
@@ -364,11 +367,12 @@ class Frames:
 
     def _draw_flashes(self, canvas: Canvas, stamp_ns: int) -> None:
         """Draw a growing ring where something happened a moment ago."""
-        lives = {life.artefact_id: life for life in self._record.lives if len(life.footprints)}
         for event in self._record.events:
             age = (stamp_ns - event.stamp_ns) / _FLASH_NS
-            if event.kind in _FLASHES and 0.0 <= age < 1.0 and event.artefact_id in lives:
-                x_m, y_m, _ = lives[event.artefact_id].footprint_at(event.stamp_ns)
+            if event.kind not in _FLASHES or not 0.0 <= age < 1.0:
+                continue
+            if life := self._lives.at(event.artefact_id, event.stamp_ns):
+                x_m, y_m, _ = life.footprint_at(event.stamp_ns)
                 is_grave = event.kind in {EventKind.ROBOT_CONTACT, EventKind.DISPLACED}
                 colour = mixed(_FLASHES[event.kind][1], 1.0 - 0.7 * age)
                 centre = self.view.pixels((x_m, y_m))

@@ -16,7 +16,7 @@ from are_ros.conventions import NS_PER_S
 from are_ros.draw.canvas import Canvas
 from are_ros.draw.map import View
 from are_ros.draw.palette import CONTACT, DISPLACED, DISPLACED_EDGE, WHITE, Rgb, mixed, shade_of
-from are_ros.draw.scene import Doing, Life, SceneRecord
+from are_ros.draw.scene import Doing, Life, LivesById, SceneRecord
 from are_ros.population.departures import Cause
 
 Floats = npt.NDArray[np.float64]
@@ -181,12 +181,13 @@ class Following:
 
 def following_stretches(lives: Sequence[Life], end_ns: int) -> list[Following]:
     """Return every stretch of following a leader of `lives`, as the followers' activities say."""
-    standing = {life.artefact_id: life for life in lives if len(life.footprints)}
+    by_id = LivesById(lives)
     return [
-        Following(life, standing[leader_id], start_ns, stop_ns)
-        for life in standing.values()
+        Following(life, leader, start_ns, stop_ns)
+        for life in lives
+        if len(life.footprints)
         for leader_id, start_ns, stop_ns in _stretches(life, end_ns)
-        if leader_id in standing
+        if (leader := by_id.at(leader_id, start_ns)) is not None
     ]
 
 
@@ -229,7 +230,7 @@ def mark_places(record: SceneRecord) -> tuple[Floats, Floats]:
 
     Where the robot is not known, it is the artefact's place.
     """
-    lives = {life.artefact_id: life for life in record.lives if len(life.footprints)}
+    lives = LivesById(record.lives)
     touched, robot = contacts(record), record.robot
     if not len(robot):
         return _ends(forced(record), lives), _ends(touched, lives)
@@ -237,11 +238,11 @@ def mark_places(record: SceneRecord) -> tuple[Floats, Floats]:
     return _ends(forced(record), lives), robot.poses[np.maximum(at - 1, 0), :2]
 
 
-def _ends(events: Sequence[ArtefactEvent], lives: Mapping[int, Life]) -> Floats:
+def _ends(events: Sequence[ArtefactEvent], lives: LivesById) -> Floats:
     """Return where the artefacts stood from the event on (N, 2)."""
     places = []
     for event in events:
-        if life := lives.get(event.artefact_id):
+        if life := lives.at(event.artefact_id, event.stamp_ns):
             stamps = life.footprints.stamps_ns
             at = min(int(np.searchsorted(stamps, event.stamp_ns)), len(stamps) - 1)
             places.append(life.footprints.poses[at, :2])

@@ -115,10 +115,10 @@ def draw_overview(
     draw_map(canvas, view, grid, shown_cells)
     _draw_ever_seen(sheet, record, walls_of(grid, occupied_threshold, voxels))
     draw_paths(canvas, view, paths, colours, marks)
-    outlines = _draw_artefacts(sheet, standing, colours, end_ns)
+    outlines_px = _draw_artefacts(sheet, standing, colours, end_ns)
     _draw_robot(sheet, record)
     _draw_events(sheet, record)
-    left_out = _draw_ids(sheet, outlines)
+    left_out = _draw_ids(sheet, [life.artefact_id for life in standing], outlines_px)
     duration_s = record.duration_ns / NS_PER_S if len(record.robot) else None
     subtitle = subtitle_of(record, left_out, ids_as_in)
     sheet.write(path, _title(record), subtitle, duration_s)
@@ -148,23 +148,22 @@ def _draw_ever_seen(sheet: Sheet, record: SceneRecord, walls: VoxelField) -> Non
 
 def _draw_artefacts(
     sheet: Sheet, lives: Sequence[Life], colours: Mapping[str, Rgb], end_ns: int
-) -> dict[int, Floats]:
-    """Draw each artefact at its end; return the corners (4, 2) by id, what is on top last."""
-    corners_px = {}
+) -> list[Floats]:
+    """Draw each artefact at its end; return the corners (4, 2) of each, what is on top last."""
+    corners_px = []
     for life in lives:
         outline = outline_of(sheet.view, life.footprints.poses[-1], life.row.size_m)
         alpha = GONE_ALPHA if is_gone(life, end_ns) else 1.0
         colour = colours[life.row.class_name]
         draw_artefact(sheet.canvas, outline, colour, is_opaque=life.is_perceived, alpha=alpha)
-        corners_px[life.artefact_id] = outline.corners_px
+        corners_px.append(outline.corners_px)
     return corners_px
 
 
-def _draw_ids(sheet: Sheet, corners_px: dict[int, Floats]) -> int:
+def _draw_ids(sheet: Sheet, ids: Sequence[int], corners_px: Sequence[Floats]) -> int:
     """Write the ids beside their artefacts, those on top first; return how many found no place."""
     labels = [
-        Label(number, bounds_of(corners), (id_text(number),))
-        for number, corners in reversed(corners_px.items())
+        Label(k, bounds_of(corners_px[k]), (id_text(ids[k]),)) for k in reversed(range(len(ids)))
     ]
     placed = Labels(sheet.view.rectangle, _LABEL_PX).place(labels, [one.box for one in labels])
     for one in placed:

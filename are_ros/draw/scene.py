@@ -201,6 +201,23 @@ class Life:
         return max(int(np.searchsorted(self.footprints.stamps_ns, t_ns, side="right")) - 1, 0)
 
 
+class LivesById:
+    """The lives that have a pose, by id; a node that was started again gives ids another time."""
+
+    def __init__(self, lives: Sequence[Life]) -> None:
+        self._lives: dict[int, list[Life]] = {}
+        for life in lives:
+            if len(life.footprints):
+                self._lives.setdefault(life.artefact_id, []).append(life)
+
+    def at(self, artefact_id: int, t_ns: int) -> Life | None:
+        """Return the last life of an id that had begun by then, else the first; None without."""
+        known = self._lives.get(artefact_id)
+        if known is None:
+            return None
+        return next((life for life in reversed(known) if life.arrival_ns <= t_ns), known[0])
+
+
 @dataclass(frozen=True, eq=False)
 class TickSeries:
     """One number per tick: how many lived, how many were perceived, nu of Eq. 4, and the stamps.
@@ -229,7 +246,8 @@ class TickSeries:
 class SceneRecord:
     """A whole run. `views` and the index (M,) of the view of each camera pose go together.
 
-    `metrics` are those of the last tick, None without ticks; `lives` are in the order of ids.
+    `metrics` are those of the last tick, None without ticks; `lives` are in the order of ids, and
+    those of the same id in that of time.
     `base` has the same poses as `robot`, in 3D; `scans` has those of the ticks that the viewer
     shows, by stamp. `camera` is the first one; `others` are those of each tick, by stamp.
     """

@@ -232,7 +232,7 @@ class ViewedScene:
         self._part = known_part(place.grid)
         self._field = VoxelField.of(place.voxels)
         self._bodies = ArtefactBodies(place.catalogue)
-        self._artefacts: dict[int, _Drawn] = {}
+        self._artefacts: dict[_LifeKey, _Drawn] = {}
         self._robot: _Node | None = None
         self._frustums: dict[int, _Node] = {}
         self._fans: dict[int, _Node] = {}
@@ -252,14 +252,14 @@ class ViewedScene:
         """Show a tick."""
         self._show_robot(tick.map_from_base)
         self._show_cameras(tick)
-        there = {one.artefact_id for one in tick.artefacts}
+        there = {_life_of(one) for one in tick.artefacts}
         for gone in self._artefacts.keys() - there:
             self._artefacts.pop(gone).remove()
         for one in tick.artefacts:
-            if one.artefact_id not in self._artefacts:
-                self._artefacts[one.artefact_id] = self._new_artefact(one)
+            if (life := _life_of(one)) not in self._artefacts:
+                self._artefacts[life] = self._new_artefact(one)
             is_perceived = one.artefact_id in tick.perceived
-            self._artefacts[one.artefact_id].show(one, is_perceived=is_perceived)
+            self._artefacts[life].show(one, is_perceived=is_perceived)
         if tick.scans and with_scans:
             self._scan_ns = tick.stamp_ns
             self._show_scans(tick.scans)
@@ -281,17 +281,18 @@ class ViewedScene:
     def draw_ways(self, ticks: Sequence[Moment]) -> None:
         """Draw the robot's way and that of each artefact in these ticks, instead of others."""
         robot = [t.map_from_base.translation_m[:2] for t in ticks if t.map_from_base is not None]
-        ways: dict[int, list[tuple[float, ...]]] = {}
-        class_of: dict[int, str] = {}
+        ways: dict[_LifeKey, list[tuple[float, ...]]] = {}
+        class_of: dict[_LifeKey, str] = {}
         for tick in ticks:
             for one in tick.artefacts:
-                ways.setdefault(one.artefact_id, []).append(one.pose[:2])
-                class_of[one.artefact_id] = one.row.class_name
+                ways.setdefault(_life_of(one), []).append(one.pose[:2])
+                class_of[_life_of(one)] = one.row.class_name
         before, self._ways = self._ways, {}
         self._draw_way("/ways/robot", np.array(robot).reshape(-1, 2), ROBOT, 0.03)
-        for number, points in ways.items():
-            colour = self._bodies.colour(class_of[number])
-            self._draw_way(f"/ways/{number}", np.array(points), colour, 0.012)
+        for life, points in ways.items():
+            colour = self._bodies.colour(class_of[life])
+            name = "/ways/" + "_".join(map(str, life))
+            self._draw_way(name, np.array(points), colour, 0.012)
         for name in before.keys() - self._ways.keys():
             before[name].remove()
 
@@ -500,6 +501,14 @@ class ViewedScene:
             )
         node.handle.points = near
         node.set(position=_rounded(middle), visible=True)
+
+
+_LifeKey = tuple[int, int]
+"""Id and arrival [ns]: a node that was started again gives ids another time."""
+
+
+def _life_of(one: ArtefactAt) -> _LifeKey:
+    return one.artefact_id, one.arrival_ns
 
 
 def _of_camera(name: str, number: int) -> str:

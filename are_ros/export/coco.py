@@ -1,12 +1,14 @@
 """Painted images with masks and boxes, as COCO has them."""
 
 import json
+from bisect import bisect_right
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
+from are_ros.bag.decoded import Scene
 from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError, InputError
 from are_ros.export.truth import TruthReader, chosen_topic
@@ -26,7 +28,9 @@ class CocoWriter:
     def __init__(self, folder: Path) -> None:
         self.images: list[dict[str, Any]] = []
         self.annotations: list[dict[str, Any]] = []
-        self.kinds: dict[int, tuple[str, str]] = {}
+        self._kinds: dict[int, dict[int, tuple[str, str]]] = {}
+        """Class and label, by id and arrival [ns]."""
+        self._stamps_ns: list[int] = []
         self._folder = folder
         (folder / "images").mkdir(parents=True, exist_ok=True)
 
@@ -34,6 +38,7 @@ class CocoWriter:
         """Add an image (H, W, 3) and the ids (H, W) of the artefacts at its pixels, 0: none."""
         import cv2
 
+        self._stamps_ns.append(stamp_ns)
         number = len(self.images) + 1
         name = f"{number - 1:06d}.png"
         _, data = cv2.imencode(".png", np.ascontiguousarray(rgb[:, :, ::-1]))
@@ -51,16 +56,22 @@ class CocoWriter:
         for artefact_id in np.unique(ids[ids > 0]).tolist():
             self.annotations.append(self._annotation(number, artefact_id, ids == artefact_id))
 
+    def learn(self, scene: Scene) -> None:
+        """Learn the classes and labels of the artefacts of a tick."""
+        columns = scene.ids.tolist(), scene.arrivals_ns.tolist(), scene.classes, scene.labels
+        for number, arrival_ns, *kind in zip(*columns, strict=True):
+            self._kinds.setdefault(number, {})[arrival_ns] = kind[0], kind[1]
+
     def finish(self) -> int:
         """Write annotations.json; return how many artefacts it tells of.
 
         Artefacts without a recorded class, which left between two ticks, are left out.
         """
-        names = sorted({name for name, _ in self.kinds.values()})
+        names = sorted({name for of_id in self._kinds.values() for name, _ in of_id.values()})
         categories = {name: k + 1 for k, name in enumerate(names)}
         kept: list[dict[str, Any]] = []
         for one in self.annotations:
-            kind = self.kinds.get(one["artefact_id"])
+            kind = self._kind_of(one["artefact_id"], self._stamps_ns[one["image_id"] - 1])
             if kind is not None:
                 own = {"id": len(kept) + 1, "category_id": categories[kind[0]], "label": kind[1]}
                 kept.append({**one, **own})
@@ -73,6 +84,16 @@ class CocoWriter:
         path = self._folder / "annotations.json"
         path.write_text(json.dumps(content, indent=1), encoding="utf-8")
         return len(kept)
+
+    def _kind_of(self, artefact_id: int, stamp_ns: int) -> tuple[str, str] | None:
+        """Return class and label of an id at a time, None where they were not recorded.
+
+        A node that was started again gives ids another time.
+        """
+        known = self._kinds.get(artefact_id, {})
+        arrivals_ns = sorted(known)
+        begun = bisect_right(arrivals_ns, stamp_ns)
+        return known[arrivals_ns[max(begun - 1, 0)]] if known else None
 
     def _annotation(
         self, image: int, artefact_id: int, mask: npt.NDArray[np.bool_]
@@ -109,11 +130,7 @@ def export_coco(recording: Path, folder: Path, open_progress: OpenProgress, imag
         pairs = _Pairs(topic, CocoWriter(folder))
         takers = {topic: pairs.take_image, topic + _MASK: pairs.take_mask}
         for tick in reader.read(open_progress, takers):
-            scene = tick.scene
-            for number, name, label in zip(
-                scene.ids.tolist(), scene.classes, scene.labels, strict=True
-            ):
-                pairs.writer.kinds[number] = name, label
+            pairs.writer.learn(tick.scene)
         count = pairs.writer.finish()
     except OSError as cause:
         raise BagError(f"--coco {folder}: {why_refused(cause)}") from cause

@@ -68,7 +68,8 @@ def _write(
         scene = tick.scene
         numbers = scene.ids.tolist(), scene.labels, scene.arrivals_ns.tolist()
         alive = [_Life(*life) for life in zip(*numbers, strict=True)]
-        for key in [key for key in lines if key not in set(alive)]:
+        there = set(alive)
+        for key in [key for key in lines if key not in there]:
             _save(tum, key, files, lines.pop(key))
         for key, pose in zip(alive, scene.poses.tolist(), strict=True):
             lines.setdefault(key, []).append(_tum_line(scene.stamp_ns, pose))

@@ -50,8 +50,9 @@ class Interval:
         places = {number: k for k, number in enumerate(old.ids.tolist())}
         found = {}
         for k, number in enumerate(new.ids.tolist()):
-            if number in places:
-                was = places[number]
+            was = places.get(number)
+            # a node that was started again gives ids another time
+            if was is not None and old.arrivals_ns[was] == new.arrivals_ns[k]:
                 there, here = old.poses[was, :3], new.poses[k, :3]
                 turn = math.remainder(new.yaws_rad[k] - old.yaws_rad[was], math.tau)
                 yaw = old.yaws_rad[was] + share * turn

@@ -3,7 +3,9 @@
 import math
 from array import array
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from operator import itemgetter
+from typing import Final
 
 import numpy as np
 
@@ -26,6 +28,9 @@ from are_ros.population.artefact import GroundPose
 from are_ros.population.catalogue import Catalogue, CatalogueRow
 from are_ros.world.cameras import Camera, CameraAt, ViewModel
 from are_ros.world.rigid_transform import RigidTransform
+
+_COUNTS: Final = ("arrivals", "departures", "blocked", "displaced", "robot_contacts")
+"""The metrics that count since the start of the node."""
 
 
 @dataclass
@@ -94,7 +99,11 @@ class _LifeRecorder:
 
 
 class SceneRecorder:
-    """Collects a `SceneRecord`, tick by tick."""
+    """Collects a `SceneRecord`, tick by tick.
+
+    A node that is started again while it is recorded counts ids and metrics anew: what has an id
+    and another arrival is another life, and counts that are lower than before are added to these.
+    """
 
     def __init__(
         self, parameters: Parameters, catalogue: Catalogue, *, is_perceiving: bool = True
@@ -103,6 +112,9 @@ class SceneRecorder:
         self._is_perceiving, self._parameters = is_perceiving, parameters
         self._rows = {row.label: row for row in catalogue.rows}
         self._lives: dict[int, _LifeRecorder] = {}
+        self._lives_before: list[tuple[int, _LifeRecorder]] = []
+        """Those whose ids others have now."""
+        self._counts_before = dict.fromkeys(_COUNTS, 0)
         self._events: list[ArtefactEvent] = []
         self._robot, self._base, self._camera = _Poses(3), _Poses(7), _Poses(7)
         self._views: list[ViewModel] = []
@@ -167,7 +179,7 @@ class SceneRecorder:
                 self._lives[seen].seen_ns.append(moment.stamp_ns)
         self._add_robot(moment)
         self._add_camera(moment, camera)
-        self._metrics = moment.metrics
+        self._count(moment.metrics)
         counts = (moment.stamp_ns, len(moment.artefacts), len(moment.perceived))
         for series, value in zip(self._counts, counts, strict=True):
             series.append(value)
@@ -179,6 +191,7 @@ class SceneRecorder:
         stamps, alive, perceived = (np.array(values, dtype=np.int64) for values in self._counts)
         clutter = np.array(self._clutter, dtype=np.float64)
         blind_ticks = self._blind_ticks if self._is_perceiving else None
+        lives = sorted((*self._lives_before, *self._lives.items()), key=itemgetter(0))
         return SceneRecord(
             seed=self._parameters.seed,
             max_range_m=self._parameters.occlusion.max_range,
@@ -187,10 +200,10 @@ class SceneRecorder:
             camera=self._camera.track(),
             views=tuple(self._views),
             view_of_pose=np.array(self._view_of_pose, dtype=np.int64),
-            lives=tuple(self._lives[i].finished(i) for i in sorted(self._lives)),
+            lives=tuple(life.finished(number) for number, life in lives),
             events=tuple(self._events),
             series=TickSeries(stamps, alive, perceived, clutter, blind_ticks),
-            metrics=self._metrics,
+            metrics=self._all_metrics(),
             base=self._base.track(),
             scans=dict(self._scans),
             others=dict(self._others),
@@ -227,9 +240,30 @@ class SceneRecorder:
                 self._lives[number].departure_ns = None
 
     def _life(self, artefact_id: int, row: CatalogueRow, arrival_ns: int) -> _LifeRecorder:
-        if artefact_id not in self._lives:
+        known = self._lives.get(artefact_id)
+        if known is None or known.arrival_ns != arrival_ns:
+            if known is not None:
+                if known.departure_ns is None:
+                    known.departure_ns = arrival_ns
+                self._lives_before.append((artefact_id, known))
             self._lives[artefact_id] = _LifeRecorder(row, arrival_ns)
         return self._lives[artefact_id]
+
+    def _count(self, metrics: SceneMetrics | None) -> None:
+        """Take the metrics of a tick."""
+        before = self._metrics
+        if before is not None and metrics is not None and metrics.arrivals < before.arrivals:
+            for name in _COUNTS:
+                self._counts_before[name] += getattr(before, name)
+        self._metrics = metrics
+
+    def _all_metrics(self) -> SceneMetrics | None:
+        """Return the metrics of the last tick, with the counts of earlier starts of the node."""
+        last = self._metrics
+        if last is None:
+            return None
+        counts = {name: getattr(last, name) + n for name, n in self._counts_before.items()}
+        return replace(last, **counts)
 
     def _add_robot(self, moment: Moment) -> None:
         pose = moment.map_from_base

@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from are_ros.conventions import NS_PER_S
 from are_ros.draw import viewer
-from are_ros.draw.palette import ROBOT, class_colours, hex_of
+from are_ros.draw.palette import ROBOT, Rgb, class_colours, hex_of
 from are_ros.draw.scene import (
     MOST_TICKS,
     ArtefactAt,
@@ -46,6 +46,12 @@ PERSON, CAR = (class_colours([])[name] for name in ("person", "car"))
 TICKS = 40
 PAUSE = ".tabler-icon-player-pause-filled"
 Image = NDArray[np.uint8]
+
+
+def rgb(colour: Iterable[float]) -> Rgb:
+    """Return a colour of viser's as one of the palette."""
+    red, green, blue = map(int, colour)
+    return red, green, blue
 
 
 def place() -> ViewedPlace:
@@ -293,7 +299,7 @@ def test_the_legend_has_the_colours_of_the_artefacts(tmp_path: Path) -> None:
             scene.show(moment)
             names = {"zebra": "/artefacts/3", "cone": "/artefacts/5"}
             bodies = {name: server.scene.get_handle_by_name(node) for name, node in names.items()}
-            drawn = {name: tuple(int(part) for part in one.color) for name, one in bodies.items()}
+            drawn = {name: rgb(one.color) for name, one in bodies.items()}
         finally:
             viewer.stop_server(server)
         assert len({*drawn.values()}) == 2
@@ -303,6 +309,26 @@ def test_the_legend_has_the_colours_of_the_artefacts(tmp_path: Path) -> None:
         text = (tmp_path / "view.html").read_text(encoding="utf-8")
         for name, colour in drawn.items():
             assert f'"background:{hex_of(colour)};opacity:1"></i>{name}</li>' in text
+
+
+@needs_viser
+def test_another_life_of_an_id_has_a_body_and_a_way_of_its_own() -> None:
+    """A node that was started again gives ids another time, of other types."""
+    server = viewer.start_server(0)
+    try:
+        scene, bodies = viewer.ViewedScene(server.scene, place()), []
+        lives = [artefact(3, "person", 1.0), artefact(3, "person", 2.0)]
+        lives += [one._replace(arrival_ns=NS_PER_S) for one in (artefact(3, "car", 6.0),) * 2]
+        moments = [replace(tick(k), artefacts=[one]) for k, one in enumerate(lives)]
+        scene.draw_ways(moments)
+        ways = [server.scene.get_handle_by_name(f"/ways/3_{at_ns}") for at_ns in (0, NS_PER_S)]
+        for moment in moments[::3]:
+            scene.show(moment)
+            bodies.append(server.scene.get_handle_by_name("/artefacts/3").color)
+    finally:
+        viewer.stop_server(server)
+    assert [way is not None for way in ways] == [True, False]  # the car stands
+    assert [rgb(colour) for colour in bodies] == [PERSON, CAR]
 
 
 @needs_viser

@@ -12,7 +12,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from are_ros.bag.decoded import Scene
 from are_ros.bag.recording import Recording, find_recording
+from are_ros.export.coco import CocoWriter
+from are_ros.export.truth import Interval, TrueTick
 from are_ros.replay.recorded_scene import read_recorded_scene
 from bags.simulation.making import RosbagsFactory
 from tests.checks.test_live import Tape
@@ -461,6 +464,48 @@ def test_images_masks_and_boxes_of_coco_fit_together(
         assert is_painted[mask].mean() > 0.95
         state = outputs.kinds[one["artefact_id"]]
         assert (names[one["category_id"]], one["label"]) == (state.class_name, state.label)
+
+
+def _scene(stamp_ns: int, arrival_ns: int, class_name: str, x_m: float) -> Scene:
+    """Return a tick with the artefact 1."""
+    numbers = np.zeros((1, 3))
+    return Scene(
+        stamp_ns=stamp_ns,
+        at_ns=stamp_ns,
+        frame_id="map",
+        ids=np.array([1]),
+        centres_m=numbers,
+        yaws_rad=numbers[:, 0],
+        half_sizes_m=numbers + 1.0,
+        arrivals_ns=np.array([arrival_ns]),
+        departures_ns=np.array([0]),
+        classes=(class_name,),
+        poses=np.array([(x_m, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)]),
+        labels=("a",),
+    )
+
+
+def test_the_class_of_coco_is_that_of_the_life_at_the_time(tmp_path: Path) -> None:
+    """A node that was started again gives ids another time."""
+    writer = CocoWriter(tmp_path)
+    writer.learn(_scene(10, 5, "person", 0.0))
+    for stamp_ns in (4, 10, 30):  # the first image may be of before the first tick
+        pixels = np.zeros((2, 2, 3), np.uint8)
+        writer.add(stamp_ns, pixels, np.array(((1, 0), (0, 2)), np.int32))
+    writer.learn(_scene(20, 15, "car", 0.0))
+    assert writer.finish() == 3
+    content = json.loads((tmp_path / "annotations.json").read_text())
+    names = {one["id"]: one["name"] for one in content["categories"]}
+    told = [names[one["category_id"]] for one in content["annotations"]]
+    assert told == ["person", "person", "car"]
+
+
+def test_between_two_lives_of_an_id_nobody_is() -> None:
+    """Nor on the way from the place of the one to that of the other."""
+    ticks = [_scene(10, 5, "a", 0.0), _scene(20, 5, "a", 1.0), _scene(30, 25, "a", 9.0)]
+    first, second, third = (TrueTick(scene, {}, None) for scene in ticks)
+    assert Interval(first, second).poses_at(15)[1][1][0] == 0.5
+    assert Interval(second, third).poses_at(25) == {}
 
 
 def test_calibration_of_kitti_turns_what_a_rectified_image_shows(

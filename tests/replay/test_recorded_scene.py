@@ -149,6 +149,28 @@ def test_the_live_view_shows_the_robot_of_each_round_of_a_loop(
     np.testing.assert_array_equal(again[-60:], alone[-60:])
 
 
+def test_a_node_that_is_started_again_gives_ids_another_time(
+    sample_replay: Path, tmp_path: Path
+) -> None:
+    """As one that was killed and is respawned: nobody of before is shown on, nor left out."""
+    tape, once = Tape.of(sample_replay), _scene(sample_replay).record
+    again = _scene(tape.then(*tape.later(60 * NS_PER_S).entries).write(tmp_path / "run")).record
+    assert once.metrics is not None
+    assert again.metrics is not None
+    assert len(again.lives) == 2 * len(once.lives) > 10
+    assert again.metrics.arrivals == 2 * once.metrics.arrivals
+    assert again.metrics.alive == once.metrics.alive
+    shown = [len(moment.artefacts) for moment in again.moments()]
+    assert shown == again.series.alive.tolist()
+    for first, second in zip(again.lives[::2], again.lives[1::2], strict=True):
+        assert first.artefact_id == second.artefact_id
+        assert second.arrival_ns - first.arrival_ns == 60 * NS_PER_S
+        assert first.departure_ns is not None
+        assert first.departure_ns <= second.arrival_ns
+        np.testing.assert_array_equal(first.footprints.poses, second.footprints.poses)
+        assert (first.seen_ns + 60 * NS_PER_S).tolist() == second.seen_ns.tolist()
+
+
 def _scans_shown(order: list[str], count: int = 1) -> list[tuple[int, int]]:
     """Return how many returns, and virtual ones, each tick shows.
 

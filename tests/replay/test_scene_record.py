@@ -14,7 +14,7 @@ from are_ros.builder.markers import NO_MARKERS
 from are_ros.builder.observation import Observation, perceived_artefacts
 from are_ros.builder.scene import Scene
 from are_ros.builder.tick import Tick
-from are_ros.draw.scene import SceneRecord
+from are_ros.draw.scene import LivesById, SceneRecord
 from are_ros.parameters.model import Parameters
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.population.catalogue import Catalogue, CatalogueRow
@@ -116,6 +116,23 @@ def test_poses_are_kept_once_per_change() -> None:
     assert track.poses == pytest.approx(np.array(((1.1, 2.0, 0.0), (3.0, 2.1, math.pi / 2))))
     assert record.lives[0].footprint_at(299) == pytest.approx((1.1, 2.0, 0.0))
     assert record.lives[0].footprint_at(0) == pytest.approx((1.1, 2.0, 0.0))
+
+
+def test_another_arrival_of_an_id_is_another_life() -> None:
+    """A node that was started again gives ids another time, be it at the very next tick."""
+    first, second = _artefact(7, PERSON, STILL), _artefact(7, CAR, STILL)
+    second.arrival_ns = 150
+    arrived = _event(150, EventKind.ARRIVED, CAR, 7)
+    for events in ([], [arrived]):
+        ticks = [_tick(100, [first], seen=[7]), _tick(200, [second], events=events)]
+        record = _record([*ticks, _tick(300, events=[_event(290, EventKind.DEPARTED, CAR, 7)])])
+        kinds = [(life.row, life.arrival_ns, life.departure_ns) for life in record.lives]
+        assert kinds == [(PERSON, first.arrival_ns, 150), (CAR, 150, 290)]
+        assert [life.seen_ns.tolist() for life in record.lives] == [[100], []]
+        by_id = LivesById(record.lives)
+        found = [by_id.at(7, t_ns) for t_ns in (0, 149, 150, 400)]
+        assert found == [*record.lives[:1] * 2, *record.lives[1:] * 2]
+        assert by_id.at(8, 150) is None
 
 
 def test_life_between_two_ticks() -> None:
