@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
+from itertools import permutations
 from pathlib import Path
 from typing import Final
 
@@ -19,6 +20,7 @@ from are_ros.export.kitti import export_kitti
 from are_ros.export.scene_mesh import ENVIRONMENT, scene_parts, write_scene, writer_of
 from are_ros.export.tracks import export_tracks
 from are_ros.parameters.model import WorldParameters
+from are_ros.replay.output_folder import no_empty_folders
 from are_ros.replay.pictures import place_of
 from are_ros.replay.progress import OpenProgress, ProgressBar, Say
 from are_ros.replay.recorded_scene import RecordedScene, read_recorded_scene
@@ -79,13 +81,23 @@ def export_sets(
     for folder in wanted.values():
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise BagError(f"{folder}: it is there already, and not empty; give a new folder")
+    for (name, folder), (other, within) in permutations(wanted.items(), 2):
+        if folder.resolve() in (within.resolve(), *within.resolve().parents):
+            raise BagError(
+                f"--{other} {within}: --{name} writes into {folder}; give each set a new folder of"
+                " its own"
+            )
     for name, folder in wanted.items():
-        try:
-            with ProgressBar(name) as bar:
-                sentence = writers[name](recording, folder, bar.open)
-        except BaseException:  # a Ctrl-C, too: half a set looks like a whole one
-            shutil.rmtree(folder, ignore_errors=True)
-            raise
+        was_there = folder.is_dir()
+        with no_empty_folders(folder):
+            try:
+                with ProgressBar(name) as bar:
+                    sentence = writers[name](recording, folder, bar.open)
+            except BaseException:  # a Ctrl-C, too: half a set looks like a whole one
+                shutil.rmtree(folder, ignore_errors=True)
+                if was_there:
+                    folder.mkdir(exist_ok=True)
+                raise
         say(sentence)
 
 

@@ -144,6 +144,10 @@ def test_walls_of_the_map_stand_in_for_an_octomap_that_was_not_recorded(
         (("--kitti", "k", "--image", "/a"), 2, "--image is for --coco alone"),
         (("--mesh", "no/a.glb"), 1, "no/a.glb: the file cannot be written (no such file"),
         (("--mesh", "a.glb", "--octomap", "none.ot"), 1, "none.ot: the file cannot be read"),
+        (("--tracks", "a", "--kitti", "a"), 1, "--kitti a: --tracks writes into a; give each"),
+        (("--tracks", "a", "--coco", "a/b"), 1, "--coco a/b: --tracks writes into a; give each"),
+        (("--tracks", "a/b", "--coco", "a"), 1, "--tracks a/b: --coco writes into a; give each"),
+        (("--kitti", "a/b/c"), 1, "has no augmented cloud"),
     ],
 )
 def test_what_makes_no_sense_is_refused(
@@ -173,6 +177,16 @@ def test_on_a_full_disk_no_part_of_an_export_is_left(sample_replay: Path, tmp_pa
     with full_disk(), pytest.raises(BagError, match="file too large"):
         export_mesh(*mesh)
     assert not [*tmp_path.iterdir()]
+
+
+def test_an_empty_folder_that_was_there_stays(run_are: RunAre, sample_replay: Path) -> None:
+    """Also where the set cannot be written: it is the user's."""
+    folder = sample_replay.parent / "empty"
+    folder.mkdir()
+    done = run_are("export", sample_replay, "--coco", folder)
+    assert done.returncode == 1
+    assert not [*folder.iterdir()]
+    folder.rmdir()
 
 
 def test_a_recording_without_artefacts_is_refused(run_are: RunAre, sample_bag: Path) -> None:
