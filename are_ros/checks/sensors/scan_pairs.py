@@ -24,7 +24,9 @@ _MOST_WAITING: Final = 2000
 _MOST_IMAGES: Final = 40
 _MOST_READINGS: Final = 2000
 """Of the readings, so many are looked at for what they do not show."""
-_MOST_LENSES: Final = 4
+_MOST_RAYS_BYTES: Final = 300_000_000
+"""So much of the rays of lenses is kept, those used last: of 40 lenses of 640x480. A distorting one
+takes seconds to be turned round."""
 _MOST_LARGE: Final = 100
 """Of inputs that wait for what was made of them: of beams, and of clouds and images."""
 _MOST_ENDS: Final = 2000
@@ -155,7 +157,8 @@ class ScanPairs(Pairs):
         self.kept_depths = Kept[DepthPair](_MOST_IMAGES)
         self.infos: dict[str, Any] = {}
         """The last CameraInfo by topic; those beside images belong to the ones that come after."""
-        self._rays: deque[tuple[Any, bool, NDArray[np.float64]]] = deque(maxlen=_MOST_LENSES)
+        self._rays: list[tuple[Any, bool, NDArray[np.float64]]] = []
+        """Of each CameraInfo, the one used last at the end."""
         self._input_stamps: dict[str, list[int]] = {}
         self.given_infos: Mapping[str, str] = {}
         """The topics of the CameraInfo that is not beside the images, by theirs."""
@@ -166,11 +169,14 @@ class ScanPairs(Pairs):
 
     def rays(self, info: Any, *, rectified: bool) -> NDArray[np.float64]:
         """Return the rays (H, W, 3) of images of a CameraInfo; ValueError for an unknown lens."""
-        for known, is_rectified, rays in self._rays:
+        for k, (known, is_rectified, rays) in enumerate(self._rays):
             if is_rectified == rectified and _are_alike(known, info):
+                self._rays.append(self._rays.pop(k))
                 return rays
         rays = rays_of(info, rectified=rectified)
         self._rays.append((info, rectified, rays))
+        while len(self._rays) > 1 and sum(r.nbytes for *_, r in self._rays) > _MOST_RAYS_BYTES:
+            del self._rays[0]
         return rays
 
     def add(self, topic: str, sample: Sample | DepthFrame) -> None:

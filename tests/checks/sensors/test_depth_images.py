@@ -11,6 +11,7 @@ import pytest
 
 from are_ros.checks.oracle.frames import Pose
 from are_ros.checks.oracle.solids import Walls
+from are_ros.checks.sensors import scan_pairs
 from are_ros.checks.sensors.depth_images import (
     DepthFrame,
     Difference,
@@ -252,6 +253,27 @@ def test_without_a_camera_info_of_use_an_image_has_to_stay_as_it_is(
         assert pairs.pairs == 1
         assert (pairs.changed == []) == is_right
         assert len(pairs.kept_depths.kept) == (field is None)
+
+
+@pytest.mark.parametrize(("most_bytes", "made"), [(10**8, 13), (12 * 24 * 32 * 24, 39), (0, 39)])
+def test_rays_of_many_cameras_are_made_once_as_far_as_there_is_room(
+    monkeypatch: pytest.MonkeyPatch, most_bytes: int, made: int
+) -> None:
+    """Those of a lens that distorts take seconds, and cameras take turns."""
+    pairs, asked = ScanPairs(), list[Any]()
+    monkeypatch.setattr(scan_pairs, "_MOST_RAYS_BYTES", most_bytes)
+
+    def rays(one: Any, *, rectified: bool) -> npt.NDArray[np.float64]:
+        asked.append((one, rectified))
+        return np.full((24, 32, 3), one.k[0])
+
+    monkeypatch.setattr(scan_pairs, "rays_of", rays)
+    for _ in range(3):
+        for focus in range(13):
+            lens = info(d=(0.1, 0.0, 0.0, 0.0))
+            lens.k[0] = focus
+            assert pairs.rays(lens, rectified=False)[0, 0, 0] == focus
+    assert len(asked) == made
 
 
 def test_places_where_a_pixel_may_end_span_a_step() -> None:
