@@ -26,6 +26,8 @@ Bools = NDArray[np.bool_]
 _ROUNDS: Final = 40
 _CLOSE_PX: Final = 1e-6
 _STEP: Final = 1e-6
+_STILL: Final = 1e-12
+"""A round that changes no slope by more is the last one."""
 _FARTHEST_RAD: Final = math.acos(1e-3)
 """89.94 degrees: farther off the axis there is no depth."""
 _LENSES: Final = {
@@ -93,7 +95,10 @@ def _undistorted(flat: Floats, model: str, d: Floats, close: float) -> Floats:
                 for step in steps
             )
             u, v = np.moveaxis(2.0 * _STEP * lacks / (a * d - b * c)[..., None], 2, 0)
-            slopes += np.stack((d * u - b * v, a * v - c * u), axis=2)
+            change = np.stack((d * u - b * v, a * v - c * u), axis=2)
+            slopes += change
+            if not (np.abs(change) > _STILL).any():
+                break
         is_known = np.abs(_shown(slopes, k) - flat).max(axis=2) < close
         is_known &= (a * d - b * c > 0.0) & (np.hypot(slopes[..., 0], slopes[..., 1]) <= farthest)
     slopes[~is_known] = np.nan
