@@ -213,9 +213,16 @@ def play(
         if outcome.is_complete:
             pace.end()
         time.sleep(_LINGER_S)
-        if isinstance(pace, RealTimePace) and pace.worst_s > _LATE_S:
-            say(f"the player fell behind by up to {pace.worst_s:.2f} s; nothing was left out")
+        for sentence in (*topics.left_out(), *_lateness(pace)):
+            say(sentence)
     return outcome
+
+
+def _lateness(pace: Pace) -> list[str]:
+    """Return a sentence where the player could not keep the pace."""
+    if not isinstance(pace, RealTimePace) or pace.worst_s <= _LATE_S:
+        return []
+    return [f"the player fell behind by up to {pace.worst_s:.2f} s; it left out nothing for that"]
 
 
 def _play_once(

@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
@@ -23,7 +24,7 @@ from are_ros.errors import AreError, BagError, NodeError
 from are_ros.node.message_classes import message_class
 from are_ros.node.qos import profile_of
 from are_ros.replay.progress import Say
-from are_ros.wording import listed
+from are_ros.wording import counted, listed
 
 # The options of the player.
 
@@ -73,6 +74,13 @@ class PlayOptions:
         chosen = not self.topics or slashed(topic) in map(slashed, self.topics)
         return chosen and slashed(topic) not in map(slashed, self.exclude)
 
+    def left_out(self) -> list[str]:
+        """Return a sentence for each topic of which messages could not be converted."""
+        return [
+            f"{topic}: {counted(count, 'message')} left out, the first: {self.skipped[topic]}"
+            for topic, count in sorted(self._left_out.items())
+        ]
+
     def target(self, topic: str) -> str:
         """Return the name under which a recorded topic is played."""
         remaps = {slashed(source): target for source, target in self.remaps.items()}
@@ -105,6 +113,7 @@ class PlayedTopics:
     ) -> None:
         self.skipped: dict[str, str] = {}
         self.counts: dict[str, int] = {}
+        self._left_out: Counter[str] = Counter()
         self._reader = reader
         self._topics: dict[str, BagTopic] = {}
         self.publishers: dict[str, Any] = {}
@@ -130,7 +139,8 @@ class PlayedTopics:
             try:
                 data = self._reader.as_ros2(message)
             except AreError as cause:
-                self.skipped[topic] = str(cause)
+                self.skipped.setdefault(topic, str(cause).removeprefix(f"{topic}: "))
+                self._left_out[topic] += 1
                 return
         else:
             data = bytes(message.data)
@@ -138,6 +148,13 @@ class PlayedTopics:
         self.counts[topic] += 1
         if recorded.is_latched and len(data) > LARGE_BYTES:
             self._unacknowledged.add(topic)
+
+    def left_out(self) -> list[str]:
+        """Return a sentence for each topic of which messages could not be converted."""
+        return [
+            f"{topic}: {counted(count, 'message')} left out, the first: {self.skipped[topic]}"
+            for topic, count in sorted(self._left_out.items())
+        ]
 
     def target(self, topic: str) -> str:
         """Return the name under which a recorded topic is played."""

@@ -445,6 +445,25 @@ def test_a_recording_of_ros1_plays_as_ros2(ros: RosWorld, tmp_path: Path) -> Non
     assert (points[0].point.x, points[0].point.y, points[0].point.z) == (1.0, 2.0, 3.0)
 
 
+def test_messages_of_ros1_that_cannot_be_converted_are_told(ros: RosWorld, tmp_path: Path) -> None:
+    """How many, and why the first; the others are played."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    types = store.types
+    with Ros1Writer(tmp_path / "old.bag") as writer:
+        connection = writer.add_connection("/a", STRING, typestore=store)
+        good = bytes(store.serialize_ros1(types[STRING](data="x"), STRING))
+        for k, data in enumerate((b"\xff\xff\xff\x7f", good, b"\x05")):
+            writer.write(connection, at_ns(0.1 * k), data)
+    heard = listen(ros, ("/a",))
+    with ros.spinning():
+        run = played(tmp_path / "old.bag", **FAST)
+        ros.spin_until(lambda: bool(heard))
+    assert run.outcome.counts == {"/a": 1}
+    assert not run.outcome.is_whole
+    (sentence,) = run.sentences
+    assert sentence.startswith(f"/a: 2 messages left out, the first: the message at {START_NS} ns")
+
+
 def test_it_stops_in_the_middle(ros: RosWorld, tmp_path: Path) -> None:
     """Soon, in good order, and the outcome says that it did not come to the end."""
     records = [("/a", 0.0, "first"), ("/a", 100.0, "last")]
