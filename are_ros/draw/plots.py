@@ -65,11 +65,17 @@ def written_figure(path: Path, size_in: tuple[float, float]) -> Iterator[Any]:
         figure.savefig(path, format="png", metadata={"Software": None})
 
 
+def plain(text: str) -> str:
+    """Return a text for matplotlib in which no $ begins a formula: names of files have some."""
+    return text.replace("$", r"\$")
+
+
 def write_head(figure: Any, left_in: float, title: str, subtitle: Sequence[str]) -> None:
     """Write a title and, in parts, what is said below it; empty parts are left out."""
     width, height = figure.get_size_inches()
-    left, text = left_in / width, "   ·   ".join(part for part in subtitle if part)
-    figure.text(left, 1.0 - 0.16 / height, title, size=15, weight="bold", color=INK_HEX, va="top")
+    left, text = left_in / width, plain("   ·   ".join(part for part in subtitle if part))
+    look = {"size": 15, "weight": "bold", "color": INK_HEX, "va": "top"}
+    figure.text(left, 1.0 - 0.16 / height, plain(title), **look)
     figure.text(left, 1.0 - 0.49 / height, text, size=9, color=FAINT_INK_HEX, va="top")
 
 
@@ -161,7 +167,7 @@ def _draw_classes(axes: Any, catalogue: Catalogue) -> None:
         if right - left >= _NAMED_SHARE * len(catalogue.rows):
             place = axes.get_xaxis_transform()
             style = {"color": colour, "size": 8, "ha": "center", "va": "bottom", "transform": place}
-            axes.text(0.5 * (left + right), 1.01, name, **style)
+            axes.text(0.5 * (left + right), 1.01, plain(name), **style)
 
 
 def _draw_climb(axes: Any, chosen: "MixtureFit") -> None:
@@ -426,7 +432,7 @@ def _draw_rows(axes: Any, trial: Trial, catalogue: Catalogue, probabilities: Flo
     for name in catalogue.class_names:
         own = np.array([row.index for row in catalogue.rows if row.class_name == name])
         colour = hex_of(colours[name])
-        axes.bar(own, drawn[own], width=0.86, color=colour, alpha=0.55, label=name)
+        axes.bar(own, drawn[own], width=0.86, color=colour, alpha=0.55, label=plain(name))
     axes.plot(rows, probabilities, "o-", color=INK_HEX, ms=2.4, lw=0.9)
     _write(axes, [f"{len(trial.rows)} artefacts"])
     look = {"frameon": False, "fontsize": 8.5, "labelcolor": INK_HEX, "handlelength": 1.0}

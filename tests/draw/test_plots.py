@@ -1,13 +1,15 @@
 """Plots: how far the axes of fit.png go, and what is written on axes."""
 
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from are_ros.draw.decisions import name_map
-from are_ros.draw.plots import bic_ticks, climb_length
+from are_ros.draw.plots import bic_ticks, climb_length, plain, write_head, written_figure
 
 
 def test_a_map_has_its_unit() -> None:
@@ -15,6 +17,15 @@ def test_a_map_has_its_unit() -> None:
     axes = Figure().add_subplot()
     name_map(axes, "ways")
     assert axes.get_xlabel() == "[m]"
+
+
+@pytest.mark.parametrize("name", ["a$b_$c", "$", "$$", r"5 \$", "under_score ^ {"])
+def test_names_with_signs_of_formulas_are_written_as_they_are(tmp_path: Path, name: str) -> None:
+    """As that of a file: it was a traceback, after the fit."""
+    assert Text()._preprocess_math(plain(name)) == (name, False)
+    with written_figure(tmp_path / "a.png", (4.0, 2.0)) as figure:
+        write_head(figure, 0.5, name, [name, "", name])
+    assert (tmp_path / "a.png").is_file()
 
 
 @pytest.mark.parametrize(
