@@ -1,7 +1,7 @@
 """The markers: a viewer that follows them shows exactly the artefacts alive."""
 
 from bisect import bisect_right
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -10,7 +10,7 @@ from are_ros.bag.marker_decoding import ADD, DELETE, DELETE_ALL
 from are_ros.checks.marker_rules import MarkerChange
 from are_ros.checks.record import MarkerShow, Record
 from are_ros.checks.result import CheckResult, Tally, at_s
-from are_ros.checks.ticks import departures_ns
+from are_ros.checks.ticks import Departures
 from are_ros.conventions import NS_PER_S
 from are_ros.parameters.choices import Labels
 
@@ -187,8 +187,9 @@ def _is_farewell(show: MarkerShow, scene: Scene) -> bool:
 def check_marker_fading(record: Record) -> CheckResult:
     """No marker outlives ARE, nor its artefact, by more than three seconds."""
     tally = Tally("markers fade", "marker")
-    ends = {number % _ID_RANGE: end_ns for number, end_ns in departures_ns(record).items()}
-    viewer = _Viewer()
+    departures, viewer = Departures(record, _ID_RANGE), _Viewer()
+    ends: dict[tuple[str, int], int | None] = {}
+    """Of the artefact whose marker was sent last."""
     for show in record.shows:
         _check_ended(tally, viewer.until_ns, ends, show.at_ns)
         for change in _of_artefacts(show):
@@ -197,17 +198,21 @@ def check_marker_fading(record: Record) -> CheckResult:
                 if not 0 < change.lifetime_ns <= FADING_NS:
                     seconds = change.lifetime_ns / NS_PER_S
                     tally.fail(f"{_where(show, change)} has a lifetime of {seconds:g} s")
+                ends[change.key] = departures.of(change.key[1], show.at_ns)
             viewer.take(show.at_ns, change)
     _check_ended(tally, viewer.until_ns, ends, _FOREVER_NS // 2)
     return tally.result()
 
 
 def _check_ended(
-    tally: Tally, until_ns: dict[tuple[str, int], int], ends: dict[int, int], now_ns: int
+    tally: Tally,
+    until_ns: dict[tuple[str, int], int],
+    ends: Mapping[tuple[str, int], int | None],
+    now_ns: int,
 ) -> None:
     """Fail for each marker that is seen until `now_ns`, too long after its artefact's end."""
     for (namespace, number), last_ns in list(until_ns.items()):
-        end_ns = ends.get(number)
+        end_ns = ends.get((namespace, number))
         seen_ns = min(last_ns, now_ns)
         if end_ns is not None and seen_ns > end_ns + FADING_NS:
             text = f"marker {number} of '{namespace}' is seen until"

@@ -88,6 +88,8 @@ def check_clutter(record: Record) -> CheckResult:
             cells = layer(covers, real)
             least, most = int(np.count_nonzero(cells == SURE)), int(np.count_nonzero(cells))
         last_real, last_covers = real, covers
+        if record.runs.is_beginning(scene.stamp_ns):  # of a node that was started again, it may be
+            is_known = False
         found = ratios[scene.at_ns]
         if isnan(found) and real.since_ns == scene.stamp_ns:
             continue  # the map of that very time may have come after the tick

@@ -3,7 +3,8 @@
 Every tick has its artefacts, perceived and metrics, stamped alike, at its time, in the world frame.
 """
 
-from collections import Counter, deque
+from bisect import bisect_right
+from collections import Counter, defaultdict, deque
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from statistics import median
@@ -50,9 +51,36 @@ def events_by_tick(record: Record) -> Iterator[tuple[Scene, list[Event], int]]:
         since_ns = scene.stamp_ns
 
 
-def departures_ns(record: Record) -> dict[int, int]:
-    """Return when each id departed, as the events say."""
-    return {event.artefact_id: event.stamp_ns for event in record.events if event.kind == DEPARTED}
+class Departures:
+    """When the lives of each id ended, as the events say.
+
+    A node that was started again gives ids another time. Ids count modulo `id_range`.
+    """
+
+    def __init__(self, record: Record, id_range: int = 2**63) -> None:
+        self.all: list[tuple[int, int]] = []
+        """The stamps and ids of all departures, by time."""
+        self._begun_ns: dict[int, list[int]] = defaultdict(list)
+        self._ends_ns: dict[int, list[int | None]] = defaultdict(list)
+        for event in sorted(record.events, key=lambda one: one.stamp_ns):
+            number = event.artefact_id % id_range
+            begun_ns, ends_ns = self._begun_ns[number], self._ends_ns[number]
+            if event.kind == ARRIVED or (event.kind == DEPARTED and not ends_ns):
+                begun_ns.append(event.stamp_ns)
+                ends_ns.append(None)
+            if event.kind == DEPARTED:
+                self.all.append((event.stamp_ns, event.artefact_id))
+                ends_ns[-1] = event.stamp_ns
+
+    def of(self, number: int, at_ns: int) -> int | None:
+        """Return when the last life of an id that had begun by then, else the first, ended.
+
+        None where it did not.
+        """
+        begun_ns, ends_ns = self._begun_ns.get(number), self._ends_ns.get(number)
+        if not begun_ns or not ends_ns:
+            return None
+        return ends_ns[max(bisect_right(begun_ns, at_ns) - 1, 0)]
 
 
 def check_ticks(record: Record) -> CheckResult:

@@ -885,13 +885,20 @@ def test_what_is_broken_is_caught_live(case: str, live: Tape, tmp_path: Path) ->
     assert text in result.counter_example
 
 
+@pytest.mark.parametrize(
+    ("begin_s", "end_s", "has_farewell"),
+    [(0.15, 1e6, True), (0.0, 1e6, True), *((0.0, end_s, False) for end_s in (3.0, 5.0, 7.0))],
+)
 def test_a_node_that_was_started_again_begins_with_the_same_ids(
-    whole: Tape, tmp_path: Path
+    whole: Tape, tmp_path: Path, begin_s: float, end_s: float, has_farewell: bool
 ) -> None:
-    """Every check passes, though the ids of before arrive again."""
+    """Every check passes, though the ids of before arrive again, and live on to the end.
+
+    And though the node knows no map at its first tick; one that was killed says no farewell.
+    """
     first = whole.late()
-    first = first.then(*first.farewell(first.entries[-1][0]))
-    second = whole.later(20 * NS_PER_S).late(2).part(0.15)
+    first = first.then(*first.farewell(first.entries[-1][0])) if has_farewell else first
+    second = whole.later(20 * NS_PER_S).late(2).part(begin_s, end_s)
     results = results_of(first.then(*second.entries).write(tmp_path / "run"))
     assert [one.sentence() for one in results.values() if one.outcome is Outcome.FAILED] == []
     assert results["lives"].outcome is Outcome.PASSED

@@ -30,7 +30,7 @@ from are_ros.checks.sensors.samples import (
     SensorCloud,
 )
 from are_ros.checks.sensors.scan_pairs import ChangedScan, Released
-from are_ros.checks.ticks import departures_ns
+from are_ros.checks.ticks import Departures
 from are_ros.conventions import NS_PER_S, seconds_to_ns
 from are_ros.parameters.choices import SensorGate, Shape
 from are_ros.wording import counted
@@ -67,8 +67,7 @@ class BoxPositions:
         self._record = record
         self._stamps = [scene.stamp_ns for scene in record.scenes]
         self._step_ns = seconds_to_ns(record.settings.motion.step)
-        self._departures_ns = departures_ns(record)
-        self._departed = sorted((at_ns, number) for number, at_ns in self._departures_ns.items())
+        self._departures = Departures(record)
         self._jumps: dict[int, list[tuple[int, float]]] = defaultdict(list)
         for event in record.events:
             if event.kind == DISPLACED:
@@ -116,10 +115,10 @@ class BoxPositions:
     def _came_and_went(self, earlier: Scene, due_ns: int) -> bool:
         """Tell whether an artefact departed that only a missing tick could have shown."""
         first, last = (
-            bisect_right(self._departed, at_ns, key=itemgetter(0))
+            bisect_right(self._departures.all, at_ns, key=itemgetter(0))
             for at_ns in (earlier.stamp_ns, due_ns)
         )
-        departed = {number for _, number in self._departed[first:last]}
+        departed = {number for _, number in self._departures.all[first:last]}
         return not departed <= set(earlier.ids.tolist())
 
     def _present(self, earlier: Scene, later: Scene, stamp_ns: int) -> list[Box]:
@@ -127,7 +126,8 @@ class BoxPositions:
         numbers = {int(number): j for j, number in enumerate(later.ids)}
         boxes = []
         for i, number in enumerate(earlier.ids.tolist()):
-            if stamp_ns < self._departures_ns.get(number, later.stamp_ns + 1):
+            end_ns = self._departures.of(number, int(earlier.arrivals_ns[i]))
+            if end_ns is None or stamp_ns < end_ns:
                 boxes += self._between(earlier, i, later, numbers.get(number), stamp_ns)
         return boxes
 
