@@ -78,6 +78,8 @@ def check_clutter(record: Record) -> CheckResult:
     free = least = most = 0
     is_known = False
     for scene, real, covers in covers_by_tick(record):
+        # A run may begin as the node is started again.
+        is_known = is_known and not record.runs.is_beginning(scene.stamp_ns)
         if real is None or scene.at_ns not in ratios:
             tally.leave_out("tick", "without a map" if real is None else "without metrics")
             continue
@@ -88,8 +90,6 @@ def check_clutter(record: Record) -> CheckResult:
             cells = layer(covers, real)
             least, most = int(np.count_nonzero(cells == SURE)), int(np.count_nonzero(cells))
         last_real, last_covers = real, covers
-        if record.runs.is_beginning(scene.stamp_ns):  # of a node that was started again, it may be
-            is_known = False
         found = ratios[scene.at_ns]
         if isnan(found) and real.since_ns == scene.stamp_ns:
             continue  # the map of that very time may have come after the tick

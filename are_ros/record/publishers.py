@@ -74,13 +74,6 @@ class PlayOptions:
         chosen = not self.topics or slashed(topic) in map(slashed, self.topics)
         return chosen and slashed(topic) not in map(slashed, self.exclude)
 
-    def left_out(self) -> list[str]:
-        """Return a sentence for each topic of which messages could not be converted."""
-        return [
-            f"{topic}: {counted(count, 'message')} left out, the first: {self.skipped[topic]}"
-            for topic, count in sorted(self._left_out.items())
-        ]
-
     def target(self, topic: str) -> str:
         """Return the name under which a recorded topic is played."""
         remaps = {slashed(source): target for source, target in self.remaps.items()}

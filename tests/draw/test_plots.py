@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +23,8 @@ def test_a_map_has_its_unit() -> None:
 @pytest.mark.parametrize("name", ["a$b_$c", "$", "$$", r"5 \$", "under_score ^ {"])
 def test_names_with_signs_of_formulas_are_written_as_they_are(tmp_path: Path, name: str) -> None:
     """As that of a file: it was a traceback, after the fit."""
-    assert Text()._preprocess_math(plain(name)) == (name, False)
+    text: Any = Text()
+    assert text._preprocess_math(plain(name)) == (name, False)
     with written_figure(tmp_path / "a.png", (4.0, 2.0)) as figure:
         write_head(figure, 0.5, name, [name, "", name])
     assert (tmp_path / "a.png").is_file()
