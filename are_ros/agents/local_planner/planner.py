@@ -128,7 +128,7 @@ class LocalPlanner:
         return poses[:, :3], moved
 
     def _all_stand(self, robot: RobotMotion | None) -> bool:
-        """Return whether no agent moves, has a sub-goal, is pushed, or may make way for the robot.
+        """Return whether none moves, has a sub-goal, turns, is pushed, or may yield to the robot.
 
         Then there is no planning, and a replay without motion compiles none of its kernels.
         """
@@ -136,6 +136,7 @@ class LocalPlanner:
         place = arrays.place
         is_moving = now - place["begin"] < place["last"]
         is_active = is_moving | (arrays.command["has_goal"] != 0)
+        is_active |= ~np.isnan(arrays.command["face"])
         is_active |= arrays.memory["pushed_until"] > now
         if robot is not None and robot.is_moving:
             is_active |= arrays.body["speed"] > 0.0
@@ -215,8 +216,8 @@ def _mark_due(
         if has_robot and not moves:
             make_way(agents, i, agents.path[i, place.last], now, robot, timing.second)
         if now >= agents.due[i]:
-            is_pushed = now < agents.memory[i].pushed_until
-            due[i] = moves or agents.command[i].has_goal == 1 or is_pushed
+            command, is_pushed = agents.command[i], now < agents.memory[i].pushed_until
+            due[i] = moves or command.has_goal == 1 or not np.isnan(command.face) or is_pushed
         elif moves:
             # only where what is left of its path leads into the robot, where it is or will be
             start, reach = now - place.begin, place.reach + robot.reach

@@ -283,6 +283,14 @@ class PlanningGoal(NamedTuple):
 
 
 @borrowing
+def _kind_at_rest(command: Any, body: Any, pose: Floats) -> int:
+    """Return FACING for an agent that stands and has to turn on the spot, else STANDING."""
+    if np.isnan(command.face) or body.turn_radius > 0.0 or abs(pose[SPEED]) >= _STANDS:
+        return STANDING
+    return FACING if abs(wrapped(command.face - pose[YAW])) >= _FACED else STANDING
+
+
+@borrowing
 def kind_of(agents: AgentArrays, i: int, pose: Floats, now: int, second: int) -> int:
     """Return the kind of goal that agent i has at sub-step `now`, standing or moving at `pose`.
 
@@ -293,7 +301,7 @@ def kind_of(agents: AgentArrays, i: int, pose: Floats, now: int, second: int) ->
     if now < memory.pushed_until and _missing_room(pose, memory) != 0.0:
         return PUSHED
     if command.has_goal == 0 or min(command.speed, body.speed) <= 0.0:
-        return STANDING
+        return _kind_at_rest(command, body, pose)
     dx, dy, way = command.x - pose[X], command.y - pose[Y], distance(pose, command.x, command.y)
     ahead, aside = dx * pose[COS] + dy * pose[SIN], dy * pose[COS] - dx * pose[SIN]
     is_vehicle = body.turn_radius > 0.0
@@ -314,9 +322,7 @@ def kind_of(agents: AgentArrays, i: int, pose: Floats, now: int, second: int) ->
         if memory.passed_at != NEVER:
             return COASTING
     elif abs(pose[SPEED]) < _STANDS and (way <= _ARRIVED or is_abeam):
-        if np.isnan(command.face) or body.turn_radius > 0.0:  # no heading wanted, or no turn there
-            return STANDING
-        return FACING if abs(wrapped(command.face - pose[YAW])) >= _FACED else STANDING
+        return _kind_at_rest(command, body, pose)
     return DETOURING if now < memory.detour_until else GOING
 
 

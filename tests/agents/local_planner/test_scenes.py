@@ -44,6 +44,27 @@ def test_a_walker_arrives_without_oscillation_and_turns_to_the_face() -> None:
     assert math.remainder(street.pose(1)[2] + 2.0, math.tau) == pytest.approx(0.0, abs=0.03)
 
 
+@pytest.mark.parametrize("speed_mps", [0.0, 1.3])
+def test_one_that_has_nowhere_to_go_turns_to_the_face(speed_mps: float) -> None:
+    """A person on the spot, once it stands; a car, which cannot, stays as it is."""
+    street = Street(environment(room(16.0, 8.0)))
+    street.add(1, 3.0, 4.0, 0.0)
+    street.add(2, 9.0, 4.0, 0.0, CAR)
+    if speed_mps:
+        street.send(1, 7.0, 4.0)
+        street.run(1.5)
+        assert street.speeds[0] > 1.0
+    for one in (1, 2):
+        street.command(one, MotionCommand(None, speed_mps, face_rad=2.5))
+    street.run(5.0)
+    assert math.remainder(street.pose(1)[2] - 2.5, math.tau) == pytest.approx(0.0, abs=0.03)
+    assert street.speeds.tolist() == [0.0, 0.0]
+    assert street.pose(2)[:3].tolist() == [9.0, 4.0, 0.0]
+    held = street.pose(1).tolist()
+    street.run(2.0)
+    assert street.pose(1).tolist() == held
+
+
 def test_a_sub_goal_on_the_way_is_passed_at_full_speed() -> None:
     """One that does not stop there keeps its speed, and goes on to the next without a halt."""
     street = Street(environment(room(16.0, 8.0)))
