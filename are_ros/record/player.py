@@ -7,7 +7,7 @@ from heapq import merge
 from operator import itemgetter
 from typing import Final
 
-from are_ros.bag.clock import MOVING_ROLES, BagClock, RecordedTimes
+from are_ros.bag.clock import CLOCK_TOPIC, MOVING_ROLES, BagClock, RecordedTimes
 from are_ros.bag.reader import BagMessage, BagReader
 from are_ros.bag.recording import PREFIX
 from are_ros.bag.roles import TF_TYPES, find_roles
@@ -162,7 +162,7 @@ class PlayOutcome:
     @property
     def is_whole(self) -> bool:
         """Whether all was played that is to be; a recorded /clock is not where the player's is."""
-        return set(self.skipped.values()) <= {OWN_CLOCK}
+        return self.skipped.items() <= {(CLOCK_TOPIC, OWN_CLOCK)}
 
 
 def play(
