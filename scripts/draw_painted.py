@@ -19,34 +19,25 @@ from matplotlib import colormaps
 from numpy.typing import NDArray
 from PIL import Image
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the scenes are those of the tests
+
 from are_ros.bag.reader import BagReader
 from are_ros.bag.recording import PREFIX
+from tests.replay.test_images import BODIES, on_a_free_map
 
 _IMAGES = Path("docs/images")
 _WIDTH, _GAP = 480, 8
 _NEAR_M, _FAR_M = 0.9, 4.0
-_CELLS = 320
-_EMPTY_MAP = """
-image: free.pgm
-resolution: 0.05
-origin: [-8.0, -8.0, 0.0]
-negate: 0
-occupied_thresh: 0.65
-free_thresh: 0.25
-"""
 _OF_OTHERS = {
     "desk": (
         "tum-desk-rgbd",
-        {
-            "person_child_tall": (1.78, 0.42, 3.5),
-            "robot_disc": (1.72, -0.78, 2.0),
-            "person_adult_short": (2.75, -1.42, 2.6),
-        },
+        (
+            ("person_child_tall", 1.78, 0.42, 3.5),
+            ("robot_disc", 1.72, -0.78, 2.0),
+            ("person_adult_short", 2.75, -1.42, 2.6),
+        ),
     ),
-    "room": (
-        "redwood-rgbd",
-        {"person_child_small": (-2.12, -2.6, 0.35), "structure_cone": (-2.0, -1.83, 0.0)},
-    ),
+    "room": ("redwood-rgbd", BODIES),
 }
 """Their recordings, and who stands in them at which x, y and yaw, on a map that is free."""
 
@@ -76,13 +67,8 @@ def draw_office(folder: Path) -> None:
 
 def draw_of_others(scene: str, data: Path, folder: Path) -> None:
     """Draw the last frame, and the depths of the desk."""
-    recording, artefacts = _OF_OTHERS[scene]
-    rows = "".join(f"  - {{label: {label}, at: {list(at)}}}\n" for label, at in artefacts.items())
-    header = f"scenario: {{name: {scene}, random: false}}\nartefacts:\n"
-    (folder / "scenario.yaml").write_text(header + rows, encoding="utf-8")
-    (folder / "free.yaml").write_text(_EMPTY_MAP, encoding="utf-8")
-    (folder / "free.pgm").write_bytes(b"P5 %d %d 255\n" % (_CELLS, _CELLS) + b"\xfe" * _CELLS**2)
-    given = ("--map", folder / "free.yaml", "--scenario", folder / "scenario.yaml")
+    recording, bodies = _OF_OTHERS[scene]
+    given = on_a_free_map(folder, bodies)
     replay(data / recording, *given, "--set", "sensors.gate:=all", out=folder)
     painted = last(folder, f"{PREFIX}camera/image")
     pixels = np.frombuffer(bytes(painted.data), np.uint8).reshape(painted.height, painted.step)

@@ -34,7 +34,7 @@ from are_ros.errors import AreError, BagError, InputError, ParameterError
 from are_ros.messages.sensors import CAMERA_INFO_TYPE, OUTPUT_TYPES, SENSORS
 from are_ros.messages.tick_encoding import ALL_OUTPUTS, OUTPUTS
 from are_ros.parameters.model import Parameters
-from are_ros.parameters.ros_yaml import EFFECTIVE_TOPIC, with_file, with_text
+from are_ros.parameters.ros_yaml import EFFECTIVE_TOPIC, EFFECTIVE_TYPE, with_file, with_text
 from are_ros.wording import listed, listed_files
 
 PREFIX: Final = "/ar_builder/"
@@ -55,7 +55,6 @@ _DRAWN: Final = (MARKERS, *GRID_TOPICS)
 _NODE: Final = PREFIX.strip("/")
 _PARAMETER_EVENTS: Final = "/parameter_events"
 _EFFECTIVE: Final = PREFIX + EFFECTIVE_TOPIC
-_TEXT: Final = "std_msgs/msg/String"
 
 PARAMETERS: Final = "effective.yaml"
 _METRICS: Final = "metrics.json"
@@ -102,7 +101,7 @@ class RecordingFiles:
         try:
             with suppress(BagError), Recording(self) as recording:  # who reads on tells of them
                 for message in recording.in_log_order([_EFFECTIVE]):
-                    if message.type_name == _TEXT:
+                    if message.type_name == EFFECTIVE_TYPE:
                         text = recording.deserialize(message).data
         except InputError as cause:
             raise ParameterError(f"{self.path}: {cause}") from cause

@@ -35,7 +35,7 @@ from are_ros.node.topics import (
 from are_ros.node.watches import GRACE_S, CallbackTimer, Lasting, Watchdog
 from are_ros.parameters.choices import OnRobotContact
 from are_ros.parameters.model import Parameters
-from are_ros.parameters.ros_yaml import EFFECTIVE_TOPIC, write_ros_parameters
+from are_ros.parameters.ros_yaml import EFFECTIVE_TOPIC, EFFECTIVE_TYPE, write_ros_parameters
 from are_ros.parameters.validation import with_contact_policy
 from are_ros.population.catalogue import Catalogue
 from are_ros.population.mixture import mixture_of
@@ -49,7 +49,6 @@ _OVERDUE_NS: Final = 2 * NS_PER_S
 _STAND_IN_S: Final = 3.0
 """After this time without CameraInfo the default camera is used."""
 _MOST_SENTENCES: Final = 1000
-_TEXT: Final = "std_msgs/msg/String"
 _KERNELS_A_LINE: Final = 25
 _LEAPS: Final = JumpThreshold(
     min_forward=Duration(seconds=1), min_backward=Duration(nanoseconds=-1), on_clock_change=True
@@ -89,7 +88,8 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         )
         diagnostics = advertise(self, "diagnostic_msgs/msg/DiagnosticArray", "/diagnostics")
         self._reporter = Reporter(self, diagnostics)
-        self._effective = advertise(self, _TEXT, f"~/{EFFECTIVE_TOPIC}", profile_of(True, True, 1))
+        latched = profile_of(True, True, 1)
+        self._effective = advertise(self, EFFECTIVE_TYPE, f"~/{EFFECTIVE_TOPIC}", latched)
         self._is_blind, self._is_only_mapped = Lasting(_STAND_IN_S), Lasting(GRACE_S)
         self._stand_in = ""
         self._busy = CallbackTimer()
@@ -375,7 +375,8 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
 
     def _tell(self, parameters: Parameters) -> None:
         """Publish the parameters in force, so that a recording of the node's topics has them."""
-        self._effective.publish(message_class(_TEXT)(data=write_ros_parameters(parameters)))
+        text = write_ros_parameters(parameters)
+        self._effective.publish(message_class(EFFECTIVE_TYPE)(data=text))
 
     def _refused(self, topic: str, sentence: str) -> None:
         if self._inputs is not None:

@@ -16,6 +16,7 @@ from are_ros.wording import listed
 from are_ros.yaml_text import parse_yaml, read_yaml
 
 EFFECTIVE_TOPIC: Final = "effective_parameters"
+EFFECTIVE_TYPE: Final = "std_msgs/msg/String"
 """Below its name, the node publishes here the text of a file with the parameters in force."""
 
 _NODE = "ar_builder"

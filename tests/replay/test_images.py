@@ -1,6 +1,7 @@
 """Painted images and masks of replays of real recordings, against rays cast by Embree."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,12 @@ from tests.oracles.recorded import Frames, read_inputs
 from tests.replay.conftest import RunAre
 
 Floats = npt.NDArray[np.float64]
-BODIES = (("person_child_small", -2.12, -2.6, 0.35), ("structure_cone", -2.0, -1.83, 0.0))
+Standing = tuple[str, float, float, float]
+"""A label, x, y and yaw."""
+BODIES: tuple[Standing, ...] = (
+    ("person_child_small", -2.12, -2.6, 0.35),
+    ("structure_cone", -2.0, -1.83, 0.0),
+)
 """Both stand partly behind the chair, which the map of the robot does not have."""
 CELLS = 320
 MAP = """
@@ -30,19 +36,24 @@ free_thresh: 0.25
 """
 
 
+def on_a_free_map(folder: Path, bodies: Sequence[Standing]) -> tuple[object, ...]:
+    """Return the options of a replay in which bodies stand on a map of 16 m that is free."""
+    rows = "".join(f"  - {{label: {label}, at: {at}}}\n" for label, *at in bodies)
+    header = "scenario: {name: standing, random: false}\nartefacts:\n"
+    (folder / "standing.yaml").write_text(header + rows)
+    (folder / "free.yaml").write_text(MAP)
+    (folder / "free.pgm").write_bytes(b"P5 %d %d 255\n" % (CELLS, CELLS) + b"\xfe" * CELLS**2)
+    return ("--scenario", folder / "standing.yaml", "--map", folder / "free.yaml")
+
+
 @pytest.fixture(scope="module")
 def redwood(real_data: Path, run_are: RunAre, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the results of the five frames with a child and a cone behind the chair."""
     folder: Path = tmp_path_factory.mktemp("redwood")
-    rows = "".join(f"  - {{label: {label}, at: {at}}}\n" for label, *at in BODIES)
-    header = "scenario: {name: chair, random: false}\nartefacts:\n"
-    (folder / "chair.yaml").write_text(header + rows)
-    (folder / "free.yaml").write_text(MAP)
-    (folder / "free.pgm").write_bytes(b"P5 %d %d 255\n" % (CELLS, CELLS) + b"\xfe" * CELLS**2)
     bag = real_data / "redwood-rgbd"
     chosen = ("sensors.masks:=true", "sensors.boxes:=true", "sensors.gate:=all")
     words = (*(word for one in chosen for word in ("--set", one)), "--with-inputs")
-    files = ("--scenario", folder / "chair.yaml", "--map", folder / "free.yaml")
+    files = on_a_free_map(folder, BODIES)
     done = run_are("replay", bag, *files, *words, "--out", folder / "out")
     assert done.returncode == 0, done.stderr
     return folder / "out"
