@@ -7,6 +7,7 @@ order of the file, give the time: `RecordedMessage.at_ns`.
 
 import json
 from bisect import bisect_left, bisect_right
+from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -33,6 +34,7 @@ from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError, BagError, InputError, ParameterError
 from are_ros.messages.sensors import CAMERA_INFO_TYPE, OUTPUT_TYPES, SENSORS
 from are_ros.messages.tick_encoding import ALL_OUTPUTS, OUTPUTS
+from are_ros.parameters.declaration import Value, flatten
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import EFFECTIVE_TOPIC, EFFECTIVE_TYPE, with_file, with_text
 from are_ros.wording import listed, listed_files
@@ -52,8 +54,6 @@ MARKERS: Final = PREFIX + "markers"
 ARTEFACTS: Final = PREFIX + "artefacts"
 _DRAWN: Final = (MARKERS, *GRID_TOPICS)
 
-_NODE: Final = PREFIX.strip("/")
-_PARAMETER_EVENTS: Final = "/parameter_events"
 _EFFECTIVE: Final = PREFIX + EFFECTIVE_TOPIC
 
 PARAMETERS: Final = "effective.yaml"
@@ -97,16 +97,9 @@ class RecordingFiles:
         """
         if self.parameters is not None:
             return with_file(Parameters(), self.parameters)
-        text = ""
-        try:
-            with suppress(BagError), Recording(self) as recording:  # who reads on tells of them
-                for message in recording.in_log_order([_EFFECTIVE]):
-                    if message.type_name == EFFECTIVE_TYPE:
-                        text = recording.deserialize(message).data
-        except InputError as cause:
-            raise ParameterError(f"{self.path}: {cause}") from cause
-        subject = f"{self.path}: its {_EFFECTIVE}"
-        return with_text(Parameters(), text, subject) if text else None
+        with suppress(BagError), Recording(self) as recording:  # who reads on tells of them
+            return next(iter(deque(recording.published_parameters(), maxlen=1)), None)
+        return None
 
     def effective(self) -> Parameters:
         """Return the parameters of the run, the defaults where nothing tells. ParameterError."""
@@ -324,16 +317,34 @@ class Recording:
             ]
         return "; ".join(said)
 
+    def published_parameters(self) -> Iterator[Parameters]:
+        """Yield the parameters that the node published, each time that they changed.
+
+        A ParameterError names the recording; what else is wrong raises as `messages` does.
+        """
+        text, subject = "", f"{self.files.path}: its {_EFFECTIVE}"
+        for message in self.in_log_order([_EFFECTIVE]):
+            if message.type_name == EFFECTIVE_TYPE:
+                before, text = text, self._text_of(message)
+                if text not in ("", before):
+                    yield with_text(Parameters(), text, subject)
+
+    def _text_of(self, message: RecordedMessage) -> str:
+        try:
+            return str(self.deserialize(message).data)
+        except InputError as cause:
+            raise ParameterError(f"{self.files.path}: {cause}") from cause
+
     @property
     def changed_parameters(self) -> tuple[str, ...]:
-        """The node's parameters that were changed meanwhile, where /parameter_events tell."""
-        names: set[str] = set()
-        for message in self._reader.messages([_PARAMETER_EVENTS]):
-            with suppress(AreError):
-                event = self._reader.deserialize(message)
-                if event.node.rpartition("/")[2] == _NODE:
-                    names |= {parameter.name for parameter in event.changed_parameters}
-        return tuple(sorted(names))
+        """The names of parameters that changed meanwhile, as far as the node published them."""
+        changed, before = set[str](), dict[str, Value]()
+        with suppress(AreError):
+            for parameters in self.published_parameters():
+                now = flatten(parameters)
+                changed |= {name for name in before if now[name] != before[name]}
+                before = now
+        return tuple(sorted(changed))
 
     def in_log_order(
         self,

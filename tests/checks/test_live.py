@@ -29,7 +29,11 @@ from are_ros.conventions import NS_PER_S
 from are_ros.errors import BagError
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import Parameters
-from are_ros.parameters.ros_yaml import read_ros_parameters
+from are_ros.parameters.ros_yaml import (
+    EFFECTIVE_TYPE,
+    read_ros_parameters,
+    write_ros_parameters,
+)
 
 MS = 1_000_000
 OUT = "/ar_builder/"
@@ -372,17 +376,16 @@ def test_a_looping_recording_is_checked_until_the_clock_jumps_back(
 
 def test_parameters_that_changed_meanwhile_are_told(whole: Tape, tmp_path: Path) -> None:
     """The checks do not follow them, so a result that differs may be right."""
-    store, kind = jazzy_typestore(), "rcl_interfaces/msg/ParameterEvent"
-    value = store.types["rcl_interfaces/msg/ParameterValue"]
-    some = value(3, False, 0, 0.0, "all", *(np.array([], d) for d in "BBqd"), [])
-    gate = store.types["rcl_interfaces/msg/Parameter"]("costmap.gate", some)
-    stamp_now = store.types["builtin_interfaces/msg/Time"](0, 0)
-    tape = replace(whole.part(1.5), types={**whole.types, "/parameter_events": kind})
-    for node, told in (("/other", False), ("/ar_builder", True)):
-        event = store.types[kind](stamp_now, node, [], [gate], [])
-        entry = (tape.entries[-1][0], "/parameter_events", encoded(kind, event))
-        reason = results_of(tape.then(entry).write(tmp_path / node[1:]))["rosbags reader"].reason
-        assert ("costmap.gate changed while it was recorded" in reason) == told
+    topic, text_type = "/ar_builder/effective_parameters", jazzy_typestore().types[EFFECTIVE_TYPE]
+    changed = with_values(Parameters(), {"costmap.gate": "all", "camera.mount": [0.1] * 6})
+    tape = replace(whole.part(1.5), types={**whole.types, topic: EFFECTIVE_TYPE})
+    said = "camera.mount and costmap.gate changed while it was recorded"
+    for folder, told in (("once", [Parameters()]), ("twice", [Parameters(), changed])):
+        texts = [text_type(write_ros_parameters(parameters)) for parameters in told]
+        at_ns = tape.entries[-1][0]
+        entries = [(at_ns + k, topic, encoded(EFFECTIVE_TYPE, t)) for k, t in enumerate(texts)]
+        reason = results_of(tape.then(*entries).write(tmp_path / folder))["rosbags reader"].reason
+        assert (said in reason) == (folder == "twice")
 
 
 def test_messages_of_both_sides_may_mix_about_the_jump(whole: Tape, tmp_path: Path) -> None:
