@@ -118,6 +118,28 @@ def test_faces_that_point_inwards_are_turned(tmp_path: Path) -> None:
     assert mesh_of(row_of(MeshFile(tmp_path / "inside_out.ply"))).volume == pytest.approx(6.0)
 
 
+def test_a_mirrored_part_counts_as_a_part(tmp_path: Path) -> None:
+    """Of two closed boxes of which one is wound inwards, the centre of mass is between both."""
+    boxes = [trimesh.creation.box((side_m,) * 3) for side_m in (1.0, 0.9)]
+    boxes[1].apply_translation((3.0, 0.0, 0.0))
+    boxes[1].invert()
+    trimesh.util.concatenate(boxes).export(tmp_path / "mirrored.stl")
+    mesh = mesh_of(row_of(MeshFile(tmp_path / "mirrored.stl")))
+    assert mesh.bounds[0, 0] == pytest.approx(-0.5 - 3.0 * 0.729 / 1.729, abs=1e-6)
+    assert mesh.volume == pytest.approx(1.729, rel=1e-6)
+
+
+def test_a_hole_in_a_closed_part_stays_a_hole(tmp_path: Path) -> None:
+    """The inner surface of a tank, not in its middle, moves the centre of mass away."""
+    tank, hole = trimesh.creation.box((3.0, 2.0, 2.0)), trimesh.creation.box((1.0, 1.0, 1.0))
+    hole.apply_translation((0.8, 0.0, 0.0))
+    hole.invert()
+    trimesh.util.concatenate([tank, hole]).export(tmp_path / "tank.stl")
+    mesh = mesh_of(row_of(MeshFile(tmp_path / "tank.stl")))
+    assert mesh.volume == pytest.approx(11.0, rel=1e-6)
+    assert mesh.bounds[0, 0] == pytest.approx(-1.5 + 0.8 / 11.0, abs=1e-6)
+
+
 def test_corners_repeated_for_their_normals_still_close(tmp_path: Path) -> None:
     """A file with own vertices for each face is judged as a surface in space, not as an index."""
     wedge = saved_wedge(tmp_path / "unused.ply")

@@ -175,12 +175,55 @@ def _axis(name: str) -> npt.NDArray[np.float64]:
 def _balanced(mesh: "trimesh.Trimesh", source: MeshFile) -> "trimesh.Trimesh":
     """Move the origin to the centre of mass, and turn a closed surface's faces outwards."""
     centre_m = _hull_centre_m(mesh, source)
-    if mesh.is_watertight and mesh.is_winding_consistent and mesh.volume != 0.0:
-        centre_m = mesh.center_mass
+    if mesh.is_watertight and mesh.is_winding_consistent:
         if mesh.volume < 0.0:
             mesh.invert()
+        _turn_mirrored(mesh)
+        if mesh.volume > 0.0:
+            centre_m = mesh.center_mass
     mesh.apply_translation(-centre_m)
     return mesh
+
+
+def _turn_mirrored(mesh: "trimesh.Trimesh") -> None:
+    """Turn the faces of closed parts that are wound inwards, unless they bound a hole in another.
+
+    A part that was mirrored without its winding, as a wheel on the other side, would count as a
+    hole where nothing is.
+    """
+    from trimesh.graph import connected_component_labels
+
+    corners_m = np.asarray(mesh.triangles) - mesh.bounds[0]
+    labels = connected_component_labels(mesh.face_adjacency, node_count=len(corners_m))
+    order = np.argsort(labels, kind="stable")
+    parts = np.split(corners_m[order], np.flatnonzero(np.diff(labels[order])) + 1)
+    lows_m = np.array([part.min(axis=(0, 1)) for part in parts])
+    highs_m = np.array([part.max(axis=(0, 1)) for part in parts])
+    are_mirrored = np.array([np.linalg.det(part).sum() < 0.0 for part in parts])
+    for k in np.flatnonzero(are_mirrored).tolist():
+        middle_m = parts[k].mean(axis=(0, 1))
+        are_around = ((lows_m < middle_m) & (middle_m < highs_m)).all(axis=1)
+        are_around[k] = False
+        around = [parts[other] for other in np.flatnonzero(are_around).tolist()]
+        are_mirrored[k] = not (around and _is_within(middle_m, np.concatenate(around)))
+    is_mirrored = are_mirrored[labels]
+    if is_mirrored.any():
+        faces = np.array(mesh.faces)
+        faces[is_mirrored] = faces[is_mirrored][:, ::-1]
+        mesh.faces = faces
+
+
+def _is_within(point_m: npt.NDArray[np.float64], corners_m: npt.NDArray[np.float64]) -> bool:
+    """Return whether a point (3,) is within a closed surface of triangles (F, 3, 3).
+
+    By the solid angles under which it sees them (van Oosterom and Strackee 1983).
+    """
+    a, b, c = np.moveaxis(corners_m - point_m, 1, 0)
+    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+    above = (a * np.cross(b, c)).sum(axis=1)
+    below = la * lb * lc + (a * b).sum(axis=1) * lc
+    below += (b * c).sum(axis=1) * la + (c * a).sum(axis=1) * lb
+    return bool(np.arctan2(above, below).sum() > np.pi)
 
 
 def _hull_centre_m(mesh: "trimesh.Trimesh", source: MeshFile) -> npt.NDArray[np.float64]:
