@@ -47,7 +47,10 @@ def size_of(message: Any) -> tuple[int, int] | None:
         return int(message.width), int(message.height)
     data = read_array(message.data, np.uint8)
     start = DEPTH_HEADER.size if "compressedDepth" in str(message.format) else 0
-    pixels = cv2.imdecode(data[start:], cv2.IMREAD_UNCHANGED) if data.size > start else None
+    try:
+        pixels = cv2.imdecode(data[start:], cv2.IMREAD_UNCHANGED) if data.size > start else None
+    except cv2.error:  # of a size that cannot be
+        pixels = None
     return None if pixels is None else (pixels.shape[1], pixels.shape[0])
 
 

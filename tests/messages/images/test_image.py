@@ -1,5 +1,6 @@
 """Images of any encoding, byte order and padding, and their CameraInfo's topic."""
 
+import zlib
 from array import array
 from collections.abc import Callable
 from functools import partial
@@ -179,6 +180,16 @@ def test_the_size_of_an_image(format_: str) -> None:
     assert size_of(make(data=data)) == (31, 20)
     for count in (0, head, head + 20):
         assert size_of(make(data=data[:count])) is None
+
+
+def test_a_picture_that_claims_to_be_huge_has_no_size() -> None:
+    """OpenCV raises an error of its own for a PNG of 10^10 pixels."""
+    png = cv2.imencode(".png", np.zeros((4, 4), np.uint8))[1].reshape(-1).copy()
+    png[16:24] = np.frombuffer((100_000).to_bytes(4, "big") * 2, np.uint8)
+    png[29:33] = np.frombuffer(zlib.crc32(png[12:29].tobytes()).to_bytes(4, "big"), np.uint8)
+    header = FACTORY.make("std_msgs/msg/Header", frame_id="camera")
+    make = partial(FACTORY.make, "sensor_msgs/msg/CompressedImage", header=header)
+    assert size_of(make(data=png, format="mono8; png compressed ")) is None
 
 
 @pytest.mark.parametrize(
