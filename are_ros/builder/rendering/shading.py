@@ -291,15 +291,16 @@ def darken(
 
     `rays` (3, H, W) are those of pixels, `map_from_camera` (3, 3) the camera's rotation, `box` (7,)
     the body's x, y and the height of its ground from the camera's place, cosine and sine of its
-    yaw, and half its length and width. `window` is in pixels; the blocks of `marks` (H, B) from the
-    first to the last darker pixel of a row get a mark. Where what is really there is no floor,
-    nothing changes.
+    yaw, and half its length and width; its foot has round ends, and is a little smaller. `window`
+    is in pixels; the blocks of `marks` (H, B) from the first to the last darker pixel of a row get
+    a mark. Where what is really there is no floor, nothing changes.
     """
     left, right = window[0], window[2]
     drop = box[2]
     cosine, sine = box[3], box[4]
     dx, dy = -box[0], -box[1]
-    per_x, per_y, narrow = _ONE / box[5], _ONE / box[6], min(box[5], box[6])
+    narrow = min(box[5], box[6])
+    long_x, long_y, round_m = box[5] - narrow, box[6] - narrow, np.float32(0.75) * narrow
     ex, ey, ez = map_from_camera[0, 0], map_from_camera[0, 1], map_from_camera[0, 2]
     nx, ny, nz = map_from_camera[1, 0], map_from_camera[1, 1], map_from_camera[1, 2]
     ux, uy, uz = map_from_camera[2, 0], map_from_camera[2, 1], map_from_camera[2, 2]
@@ -316,9 +317,9 @@ def darken(
             is_floor = goes_down & (t > _ZERO) & (there[column] - FLOOR_M * per_slope >= t)
             px = dx + t * (x * ex + y * ey + z * ez)
             py = dy + t * (x * nx + y * ny + z * nz)
-            along, across = (cosine * px + sine * py) * per_x, (cosine * py - sine * px) * per_y
-            away_m = (np.sqrt(along * along + across * across) - np.float32(0.75)) * narrow
-            away_m = max(_ZERO, away_m)
+            along = max(_ZERO, abs(cosine * px + sine * py) - long_x)
+            across = max(_ZERO, abs(cosine * py - sine * px) - long_y)
+            away_m = max(_ZERO, np.sqrt(along * along + across * across) - round_m)
             near, wide = _fading(away_m * _PER_NEAR), _fading(away_m * _PER_WIDE)
             dark = strength * (np.float32(0.6) * near + np.float32(0.4) * wide)
             light = _ONE - (dark if is_floor else _ZERO)

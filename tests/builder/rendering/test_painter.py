@@ -257,6 +257,27 @@ def test_the_floor_is_darker_below_a_body_and_a_wall_is_not() -> None:
     assert (outside & is_wall).sum() > 500
 
 
+@pytest.mark.parametrize("yaw", [0.0, 0.5])
+def test_the_shadow_of_a_long_body_ends_where_that_of_others_does(yaw: float) -> None:
+    """Seen from above, a wall of 2.4 m darkens the floor beside it, and nothing beyond 0.6 m."""
+    painter = Painter(PinholeView(160, 120, 80.0, 80.0, 79.5, 59.5))
+    camera = RigidTransform(np.array((0.0, 0.0, 4.0)), np.array((1.0, 0.0, 0.0, 0.0)))
+    cubical, halves_m = cube(), np.array((1.2, 0.06, 0.1))
+    flat = replace(cubical, points_m=(cubical.points_m * 2.0 * halves_m).astype(np.float32))
+    body = PaintedBody(flat, RigidTransform.planar(0.0, 0.0, yaw, 0.1), halves_m, 0.0)
+    grey, nothing = np.full((120, 160, 3), 120, np.uint8), np.full((120, 160), np.inf, np.float32)
+    lighting, draws = replace(PLAIN, shadow=0.6), np.random.default_rng(1)
+    painting = painter.paint(grey, camera, [body], nothing, lighting, draws)
+    assert painting.pixels is not None
+    rays = painter.rays.astype(np.float64) @ camera.rotation_matrix().T
+    floor_m = -4.0 * rays[:, :, :2] / rays[:, :, 2:]
+    turn = np.array(((math.cos(yaw), -math.sin(yaw)), (math.sin(yaw), math.cos(yaw))))
+    apart_m = np.linalg.norm(np.maximum(np.abs(floor_m @ turn) - halves_m[:2], 0.0), axis=2)
+    is_dark = (painting.pixels < 118).all(axis=2)
+    assert is_dark[(apart_m > 0.06) & (apart_m < 0.1)].mean() > 0.9
+    assert not is_dark[apart_m > 0.61].any()
+
+
 def test_far_from_the_map_s_origin_all_is_painted_as_near_it() -> None:
     """In metres of UTM float32 has steps of half a metre; shadows were cut into strips."""
     painter, near = Painter(PINHOLE), standing(cube(0.3), 2.5, 0.1, half=0.3)
