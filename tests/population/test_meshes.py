@@ -1,6 +1,9 @@
 """Meshes in F_A, built-in ones and those of the user's files."""
 
+import json
+import struct
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,6 +11,7 @@ import trimesh
 
 from are_ros.errors import CatalogueError
 from are_ros.population.catalogue import CatalogueRow, MeshFile
+from are_ros.population.meshes.appearance import drawn_mesh
 from are_ros.population.meshes.geometry import MESH_SUFFIXES, file_geometry, mesh_of, shape_geometry
 from are_ros.population.meshes.shapes import Shape
 
@@ -189,6 +193,79 @@ def test_the_materials_of_a_scene_become_colours_of_faces(tmp_path: Path) -> Non
     order = np.argsort(mesh.triangles_center[:, 0])
     expected = np.repeat([(255, 0, 0, 255), (0, 255, 0, 255), (51, 102, 153, 255)], 12, axis=0)
     np.testing.assert_array_equal(mesh.visual.face_colors[order], expected)
+
+
+def save_glb(path: Path, material: dict[str, Any] | None, colours: Any = None) -> None:
+    """Save a box as other programs do: a material as given, colours at the corners or none."""
+    box = trimesh.creation.box((1, 1, 1))
+    arrays = {"POSITION": (box.vertices.astype("<f4"), 5126, "VEC3")}
+    if colours is not None:
+        kind = {"f": 5126, "u": 5123}[colours.dtype.kind]
+        arrays["COLOR_0"] = (np.tile(colours, (8, 1)), kind, f"VEC{len(colours)}")
+    numbers = box.faces.reshape(-1).astype("<u4")
+    parts = [*arrays.values(), (numbers, 5125, "SCALAR")]
+    starts = np.cumsum([0, *(part[0].nbytes for part in parts)]).tolist()
+    views = [
+        {"buffer": 0, "byteOffset": start, "byteLength": part[0].nbytes}
+        for start, part in zip(starts, parts, strict=False)
+    ]
+    accessors = [
+        {"bufferView": k, "componentType": kind, "count": len(values), "type": shape}
+        | ({"normalized": True} if kind == 5123 else {})
+        for k, (values, kind, shape) in enumerate(parts)
+    ]
+    primitive = {"attributes": {name: k for k, name in enumerate(arrays)}, "indices": len(arrays)}
+    tree = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "bufferViews": views,
+        "accessors": accessors,
+        "meshes": [{"primitives": [primitive | ({} if material is None else {"material": 0})]}],
+        "buffers": [{"byteLength": starts[-1]}],
+        **({} if material is None else {"materials": [material]}),
+    }
+    text, data = json.dumps(tree).encode(), b"".join(part[0].tobytes() for part in parts)
+    text += b" " * (-len(text) % 4)
+    head = struct.pack("<4s4I", b"glTF", 2, 28 + len(text) + len(data), len(text), 0x4E4F534A)
+    path.write_bytes(head + text + struct.pack("<2I", len(data), 0x004E4942) + data)
+
+
+@pytest.mark.parametrize(
+    ("material", "colours", "expected"),
+    [
+        ({}, None, (255, 255, 255)),
+        ({"pbrMetallicRoughness": {"metallicFactor": 0.0}}, None, (255, 255, 255)),
+        ({"pbrMetallicRoughness": {"baseColorFactor": [1, 0.2159, 0, 1]}}, None, (255, 128, 0)),
+        (None, np.array((1.0, 0.2159, 0.0, 1.0), "<f4"), (255, 128, 0)),
+        (None, np.array((1.0, 0.2159, 0.0), "<f4"), (255, 128, 0)),
+        ({}, np.array((65535, 14149, 0, 65535), "<u2"), (255, 128, 0)),
+        (
+            {"pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 1]}},
+            np.array((1.0, 0.2159, 0.0, 1.0), "<f4"),
+            (255, 128, 0),
+        ),
+        (
+            {"pbrMetallicRoughness": {"baseColorFactor": [0.498, 1, 1, 1]}},
+            np.array((1.0, 0.2159, 0.0, 1.0), "<f4"),
+            (188, 128, 0),
+        ),
+    ],
+)
+def test_the_colours_of_a_glb_are_as_gltf_says(
+    material: dict[str, Any] | None,
+    colours: Any,
+    expected: tuple[int, int, int],
+    tmp_path: Path,
+) -> None:
+    """Factors are linear, and 1 where none is given; those of corners multiply the material's."""
+    save_glb(tmp_path / "box.glb", material, colours)
+    source = MeshFile(tmp_path / "box.glb", forward="z", up="y")
+    mesh = mesh_of(row_of(source))
+    np.testing.assert_allclose(mesh.visual.face_colors, [(*expected, 255)] * 12, atol=1)
+    drawn = drawn_mesh(row_of(source), np.random.default_rng(0))
+    np.testing.assert_allclose(255.0 * drawn.colours, np.full((12, 3, 3), expected), atol=1)
 
 
 def test_the_colour_of_an_obj_material_is_kept(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from are_ros.errors import CatalogueError
 from are_ros.population.catalogue import CatalogueRow, MeshFile
 from are_ros.population.meshes.detail import BodySpec
 from are_ros.population.meshes.figure import Appearance, person_figure
-from are_ros.population.meshes.geometry import axes_of, face_colours, read_bodies
+from are_ros.population.meshes.geometry import axes_of, corner_colours, read_bodies
 from are_ros.population.meshes.robots import cart_robot, disc_robot, serving_robot
 from are_ros.population.meshes.shapes import Shape, Solid
 from are_ros.population.meshes.things import (
@@ -118,7 +118,7 @@ def _of_file(source: MeshFile, colour: tuple[float, float, float, float]) -> Dra
     corners = np.concatenate(
         [source.metres_per_unit * (body.vertices - centre)[body.faces] for body in bodies]
     )
-    colours = np.concatenate([_corner_colours(body, colour) for body in bodies])
+    colours = np.concatenate([corner_colours(body, colour)[:, :, :3] for body in bodies]) / 255.0
     normals = product(np.concatenate([_normals(body) for body in bodies]), turn.T)
     uvs, texture = _atlas(bodies)
     return DrawnMesh(
@@ -169,17 +169,6 @@ def _normals(body: "trimesh.Trimesh") -> Floats:
         return np.zeros((len(body.faces), 3, 3))
     found: Floats = np.asarray(body.vertex_normals, dtype=np.float64)[body.faces]
     return found
-
-
-def _corner_colours(body: "trimesh.Trimesh", colour: tuple[float, ...]) -> Floats:
-    """Return the sRGB colours (F, 3, 3) at the corners of a body."""
-    if body.visual.kind == "vertex":
-        of_corners = np.asarray(body.visual.vertex_colors)[body.faces][:, :, :3]
-    else:
-        of_faces = face_colours(body, (colour[0], colour[1], colour[2], colour[3]))
-        of_corners = np.repeat(of_faces[:, np.newaxis, :3], 3, axis=1)
-    colours: Floats = of_corners / 255.0
-    return colours
 
 
 def _atlas(bodies: list[Any]) -> tuple[Floats, Pixels]:

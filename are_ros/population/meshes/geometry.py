@@ -125,7 +125,11 @@ def read_bodies(source: MeshFile) -> list[Any]:
     bodies = [part for part in parts if isinstance(part, trimesh.Trimesh) and len(part.faces)]
     if not bodies:
         raise CatalogueError(f"the mesh file {source.path} holds no triangles, or is cut short")
+    is_linear = source.path.suffix.lower() == ".glb"
     for body in bodies:
+        if is_linear and body.visual.kind == "vertex":
+            colours = np.asarray(body.visual.vertex_colors) / 255.0
+            body.visual.vertex_colors = np.rint(255.0 * _srgb(colours)).astype(np.uint8)
         count, numbers = body.vertices.shape
         if numbers != 3 or body.faces.min() < 0 or body.faces.max() >= count:
             raise CatalogueError(
@@ -140,23 +144,65 @@ def _placed(scene: Any, node: str) -> Any:
     transform, name = scene.graph[node]
     body = scene.geometry[name]
     if hasattr(body, "faces"):
-        body = body.copy(include_cache=True)
+        visual = body.visual
+        # A copy of a texture would lose the colours of corners, and fill the memory.
+        visual = visual if visual.kind == "texture" else visual.copy()
+        body = body.copy(include_cache=True, include_visual=False)
+        body.visual = visual
         body.apply_transform(transform)
     return body
 
 
 def face_colours(body: "trimesh.Trimesh", colour: Colour) -> npt.NDArray[np.uint8]:
     """Return the colours (F, 4) that the file gives to a body's faces, or else `colour`."""
+    colours: npt.NDArray[np.uint8] = corner_colours(body, colour).mean(axis=1).astype(np.uint8)
+    return colours
+
+
+def corner_colours(body: "trimesh.Trimesh", colour: Colour) -> npt.NDArray[np.float64]:
+    """Return the colours (F, 3, 4), sRGB from 0 to 255, at the corners of a body's faces.
+
+    They are those of the file, or else `colour`.
+    """
     visual = body.visual
-    if visual.kind != "texture":
-        own = np.rint(255.0 * np.array(colour)) if not visual.defined else visual.face_colors
+    if visual.kind == "texture":
+        own = _material_colours(visual)
+        own = own[body.faces] if own.ndim > 1 else own
+    elif visual.kind == "vertex":
+        own = np.asarray(visual.vertex_colors)[body.faces]
+    elif visual.defined:
+        own = np.asarray(visual.face_colors)[:, np.newaxis]
     else:
-        at_corners = None if visual.uv is None else visual.material.to_color(visual.uv)
-        if at_corners is None or at_corners.ndim == 1:
-            own = np.asarray(visual.material.main_color)
-        else:
-            own = at_corners[body.faces].mean(axis=1)
-    return np.broadcast_to(own, (len(body.faces), 4)).astype(np.uint8)
+        own = np.rint(255.0 * np.array(colour))
+    colours: npt.NDArray[np.float64] = np.broadcast_to(own, (len(body.faces), 3, 4)).astype(float)
+    return colours
+
+
+def _material_colours(visual: Any) -> npt.NDArray[Any]:
+    """Return the colours of a material at all vertices (V, 4), or its only one (4,)."""
+    material = visual.material
+    picture = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+    if picture is not None and visual.uv is not None:
+        return np.asarray(material.to_color(visual.uv))
+    if not hasattr(material, "baseColorFactor"):
+        return np.asarray(material.main_color)
+    # In glTF a material is white without a factor; the colours of corners are factors, too.
+    factor = np.full(4, 255.0) if material.baseColorFactor is None else material.baseColorFactor
+    tint, corners = factor / 255.0, visual.vertex_attributes.get("color")
+    if corners is not None:
+        most = np.iinfo(corners.dtype).max if corners.dtype.kind == "u" else 1.0
+        tint = np.tile(tint, (len(corners), 1))
+        tint[:, : corners.shape[1]] *= corners / most
+    return np.asarray(np.rint(255.0 * _srgb(tint)))
+
+
+def _srgb(linear: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
+    """Return linear colours (..., 4) as sRGB (IEC 61966-2-1), all from 0 to 1; alpha stays."""
+    clipped = np.clip(linear, 0.0, 1.0)
+    bent = 1.055 * clipped ** (1 / 2.4) - 0.055
+    encoded: npt.NDArray[np.floating] = np.where(clipped <= 0.0031308, 12.92 * clipped, bent)
+    encoded[..., 3] = clipped[..., 3]
+    return encoded
 
 
 def axes_of(source: MeshFile) -> npt.NDArray[np.float64]:

@@ -273,7 +273,7 @@ def test_the_shadow_of_a_long_body_ends_where_that_of_others_does(yaw: float) ->
     floor_m = -4.0 * rays[:, :, :2] / rays[:, :, 2:]
     turn = np.array(((math.cos(yaw), -math.sin(yaw)), (math.sin(yaw), math.cos(yaw))))
     apart_m = np.linalg.norm(np.maximum(np.abs(floor_m @ turn) - halves_m[:2], 0.0), axis=2)
-    is_dark = (painting.pixels < 118).all(axis=2)
+    is_dark = np.asarray((painting.pixels < 118).all(axis=2))
     assert is_dark[(apart_m > 0.06) & (apart_m < 0.1)].mean() > 0.9
     assert not is_dark[apart_m > 0.61].any()
 
