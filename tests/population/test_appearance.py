@@ -284,6 +284,54 @@ def test_a_repeated_texture_is_repeated(tmp_path: Path) -> None:
     assert np.ptp(mesh.uvs[:, :, 1]) > 0.9
 
 
+@pytest.mark.parametrize("has_normals", [False, True])
+def test_a_texture_repeated_many_times_is_repeated_everywhere(
+    tmp_path: Path, has_normals: bool
+) -> None:
+    """Of a wall of 30 rows of bricks, each row has the picture's colours at its height."""
+    body = trimesh.creation.box((1, 1, 1))
+    body.visual = laid(30.0 * body.vertices[:, [0, 2]], picture((255, 0, 0), (0, 0, 255)))
+    body.export(tmp_path / "bricks.glb", include_normals=has_normals)
+    mesh = drawn(MeshFile(tmp_path / "bricks.glb", up="z", forward="x"))
+    shares = np.random.default_rng(1).dirichlet((1.0, 1.0, 1.0), 50)
+    heights_m = 30.0 * np.einsum("sk,fk->fs", shares, mesh.corners_m[:, :, 2])
+    u, v = np.einsum("sk,fka->afs", shares, mesh.uvs)
+    rows, columns = mesh.texture.shape[:2]
+    found = mesh.texture[((1.0 - v) * rows).astype(int), (u * columns).astype(int)]
+    is_between = np.abs(heights_m * 2.0 - np.rint(heights_m * 2.0)) > 0.1
+    is_red = found[..., 0] > 0
+    assert (is_red == (heights_m % 1.0 > 0.5))[is_between].all()
+    if has_normals:
+        assert mesh.normals is not None
+        np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=2), 1.0, atol=1e-6)
+    else:
+        assert mesh.normals is None
+
+
+def test_bodies_with_one_picture_share_it(tmp_path: Path) -> None:
+    """A file of many parts with a common texture does not fill the memory with copies."""
+    bodies = [trimesh.creation.box((1, 1, 1)) for _ in range(20)]
+    visual = laid(np.tile((0.5, 0.5), (8, 1)), picture((255, 0, 0), (0, 0, 255)))
+    for number, body in enumerate(bodies):
+        body.apply_translation((2.0 * number, 0.0, 0.0))
+        body.visual = visual
+    trimesh.Scene(bodies).export(tmp_path / "parts.glb")
+    mesh = drawn(MeshFile(tmp_path / "parts.glb"))
+    assert mesh.texture.shape == (8, 8, 3)
+    assert len(mesh.corners_m) == 20 * 12
+
+
+def test_places_in_a_texture_that_are_no_numbers_are_taken_for_0(tmp_path: Path) -> None:
+    """Some scanned meshes have them."""
+    body = trimesh.creation.box((1, 1, 1))
+    uv = np.full((8, 2), 0.5)
+    uv[0] = np.nan
+    body.visual = laid(uv, picture((255, 0, 0)))
+    body.export(tmp_path / "nan.glb")
+    mesh = drawn(MeshFile(tmp_path / "nan.glb"))
+    assert np.isfinite(mesh.uvs).all()
+
+
 def test_normals_of_a_file_are_kept(tmp_path: Path) -> None:
     """A GLB's own normals come with it, turned as the file's axes are."""
     body = trimesh.creation.icosphere(subdivisions=1)

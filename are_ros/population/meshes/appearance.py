@@ -6,7 +6,7 @@ its texture coordinates, textures and normals.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -47,6 +47,8 @@ _MAKERS: Final[Mapping[Shape, Callable[[BodySpec], Solid]]] = {
 """What makes the body of each built-in shape but the person, at a size, in a colour."""
 _LARGEST: Final = 2048
 """Textures are not larger than this, in pixels along a side."""
+_MOST_TIMES: Final = 8
+"""A picture is laid out so many times along a side at most."""
 _MOST_CUT: Final = 20_000
 """A body from which something is cut out is divided into so many triangles at most."""
 
@@ -111,7 +113,7 @@ def _of_file(source: MeshFile, colour: tuple[float, float, float, float]) -> Dra
     turn = axes_of(source)
     used = np.concatenate([body.vertices[np.unique(body.faces)] for body in whole])
     centre = 0.5 * (used.min(axis=0) + used.max(axis=0))
-    bodies = [body for body in map(_cut_out, whole) if len(body.faces)]
+    bodies = [_divided(body) for body in map(_cut_out, whole) if len(body.faces)]
     if not bodies:
         msg = f"the mesh file {source.path} shows nothing: its materials are transparent everywhere"
         raise CatalogueError(msg)
@@ -157,6 +159,37 @@ def _cut_out(body: "trimesh.Trimesh") -> "trimesh.Trimesh":
     return trimesh.Trimesh(vertices, faces[kept], visual=visual, process=False)
 
 
+def _divided(body: "trimesh.Trimesh") -> "trimesh.Trimesh":
+    """Return a body of which no face reaches over more repetitions of its picture than are laid.
+
+    Faces that do are divided, unless they become too many.
+    """
+    import trimesh
+
+    if _picture_of(body) is None:
+        return body
+    vertices, faces, uvs = body.vertices, body.faces, np.asarray(body.visual.uv)[:, :2]
+    looks = {"uv": uvs}
+    if "vertex_normals" in body._cache.cache:  # noqa: SLF001 - as in `_normals`
+        looks["normals"] = np.asarray(body.vertex_normals)
+    while True:
+        # What begins within a repetition reaches over one more than it is long.
+        wide = np.flatnonzero(np.ptp(looks["uv"][faces], axis=1).max(axis=1) > _MOST_TIMES - 1)
+        if not len(wide) or len(faces) + 3 * len(wide) > _MOST_CUT:
+            break
+        vertices, faces, looks = trimesh.remesh.subdivide(
+            vertices, faces, face_index=wide, vertex_attributes=looks
+        )
+    if looks["uv"] is uvs:
+        return body
+    visual = trimesh.visual.TextureVisuals(uv=looks["uv"], material=body.visual.material)
+    divided = trimesh.Trimesh(vertices, faces, visual=visual, process=False)
+    if "normals" in looks:
+        lengths = np.linalg.norm(looks["normals"], axis=1, keepdims=True)
+        divided.vertex_normals = looks["normals"] / np.maximum(lengths, 1e-9)
+    return divided
+
+
 def _longest_px(corners_px: Floats) -> float:
     """Return the longest side of triangles (F, 3, 2)."""
     sides = corners_px - np.roll(corners_px, 1, axis=1)
@@ -172,57 +205,83 @@ def _normals(body: "trimesh.Trimesh") -> Floats:
 
 
 def _atlas(bodies: list[Any]) -> tuple[Floats, Pixels]:
-    """Return places (F, 3, 2) and the texture: the tiles of the bodies, one above the other."""
+    """Return places (F, 3, 2) and the texture: the tiles of the bodies, one above the other.
+
+    Bodies that show the same picture in the same way share its tile.
+    """
     tiles = [_tile(body) for body in bodies]
-    sizes = [tile[0].shape for tile in tiles if tile is not None]
+    pictures: dict[_Look, Pixels] = {}
+    for body, tile in zip(bodies, tiles, strict=True):
+        if tile is not None and tile[0] not in pictures:
+            pictures[tile[0]] = _picture(body, tile[0])
+    sizes = [one.shape for one in pictures.values()]
     width, height = max((s[1] for s in sizes), default=1), max(1, sum(s[0] for s in sizes))
     texture = np.zeros((height, width, 3), dtype=np.uint8)
+    tops, top = dict[_Look, int](), 0
+    for look, picture in pictures.items():
+        tops[look], end = top, top + picture.shape[0]
+        texture[top:end, : picture.shape[1]] = picture
+        top = end
     places: list[Floats] = []
-    top = 0
     for body, tile in zip(bodies, tiles, strict=True):
         if tile is None:
             places.append(np.full((len(body.faces), 3, 2), np.nan))
             continue
-        picture, uvs = tile
-        end = top + picture.shape[0]
-        texture[top:end, : picture.shape[1]] = picture
-        size = np.array((picture.shape[1] / width, picture.shape[0] / height))
-        low = np.array((0.0, 1.0 - end / height))
+        look, uvs = tile
+        rows, columns = pictures[look].shape[:2]
+        size = np.array((columns / width, rows / height))
+        low = np.array((0.0, 1.0 - (tops[look] + rows) / height))
         # Half a pixel inside, so that a neighbour of the atlas does not shine through.
-        inside = 0.5 / np.array(picture.shape[1::-1])
+        inside = 0.5 / np.array((columns, rows))
         places.append(low + np.clip(uvs, inside, 1.0 - inside) * size)
-        top = end
     return np.concatenate(places), texture
 
 
-def _tile(body: "trimesh.Trimesh") -> tuple[Pixels, Floats] | None:
-    """Return the picture of a body, repeated as its faces need, and the places (F, 3, 2) in it."""
-    picture = _picture(body)
+class _Look(NamedTuple):
+    """Which picture a body shows, the shares of red, green and blue, and how often, both ways."""
+
+    picture: int
+    shares: tuple[float, ...]
+    times: tuple[int, int]
+
+
+def _tile(body: "trimesh.Trimesh") -> tuple[_Look, Floats] | None:
+    """Return how a body shows its picture, and the places (F, 3, 2) in that; None without one.
+
+    A picture is repeated as its faces need.
+    """
+    picture = _picture_of(body)
     if picture is None:
         return None
     # A face that begins beyond the picture begins in its repetition; what it reaches over
     # is laid out as often as needed.
     uvs = np.asarray(body.visual.uv, dtype=np.float64)[body.faces][:, :, :2]
     uvs = uvs - np.floor(uvs.min(axis=1, keepdims=True) + 1e-9)
-    times = np.maximum(np.ceil(uvs.max(axis=(0, 1)) - 1e-6), 1.0).astype(int)
-    times = np.minimum(times, 8)
-    longest = (np.array(picture.shape[1::-1]) * times).max()
-    step = max(1, -(-longest // _LARGEST))
-    return np.tile(picture[::step, ::step], (times[1], times[0], 1)), uvs / times
+    across, up = (
+        np.clip(np.ceil(uvs.max(axis=(0, 1)) - 1e-6), 1.0, _MOST_TIMES).astype(int).tolist()
+    )
+    shares = (1.0, 1.0, 1.0)
+    factor = getattr(body.visual.material, "baseColorFactor", None)
+    if factor is not None:
+        # The factor is one of intensities; sRGB is nearly their power of 1 / 2.2.
+        shares = tuple(((np.asarray(factor, np.float64)[:3] / 255.0) ** (1.0 / 2.2)).tolist())
+    return _Look(id(picture), shares, (across, up)), uvs / (across, up)
 
 
-def _picture(body: "trimesh.Trimesh") -> Pixels | None:
-    """Return the texture of a body, times the material's factor; None where it has none."""
+def _picture_of(body: "trimesh.Trimesh") -> Any:
+    """Return the image of a body's texture, None where it has none."""
     if body.visual.kind != "texture" or body.visual.uv is None:
         return None
     material = body.visual.material
-    picture = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
-    if picture is None:
-        return None
-    pixels = np.asarray(picture.convert("RGB"), dtype=np.uint8)
-    factor = getattr(material, "baseColorFactor", None)
-    if factor is not None:
-        # The factor is one of intensities; sRGB is nearly their power of 1 / 2.2.
-        share = (np.asarray(factor, dtype=np.float64)[:3] / 255.0) ** (1.0 / 2.2)
-        pixels = np.rint(pixels * share).astype(np.uint8)
-    return pixels
+    return getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+
+
+def _picture(body: "trimesh.Trimesh", look: _Look) -> Pixels:
+    """Return the texture of a body as it looks, (H, W, 3)."""
+    pixels = np.asarray(_picture_of(body).convert("RGB"), dtype=np.uint8)
+    longest = max(pixels.shape[1] * look.times[0], pixels.shape[0] * look.times[1])
+    step = max(1, -(-longest // _LARGEST))
+    pixels = pixels[::step, ::step]
+    if look.shares != (1.0, 1.0, 1.0):
+        pixels = np.rint(pixels * look.shares).astype(np.uint8)
+    return np.tile(pixels, (look.times[1], look.times[0], 1))

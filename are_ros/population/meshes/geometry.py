@@ -130,6 +130,9 @@ def read_bodies(source: MeshFile) -> list[Any]:
         if is_linear and body.visual.kind == "vertex":
             colours = np.asarray(body.visual.vertex_colors) / 255.0
             body.visual.vertex_colors = np.rint(255.0 * _srgb(colours)).astype(np.uint8)
+        places = getattr(body.visual, "uv", None)
+        if places is not None and not np.isfinite(places).all():  # as in some scanned meshes
+            body.visual.uv = np.where(np.isfinite(places), places, 0.0)
         count, numbers = body.vertices.shape
         if numbers != 3 or body.faces.min() < 0 or body.faces.max() >= count:
             raise CatalogueError(
