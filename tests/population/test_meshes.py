@@ -268,6 +268,35 @@ def test_the_colours_of_a_glb_are_as_gltf_says(
     np.testing.assert_allclose(255.0 * drawn.colours, np.full((12, 3, 3), expected), atol=1)
 
 
+@pytest.mark.parametrize(
+    ("required", "normalised", "expected"),
+    [
+        ("KHR_draco_mesh_compression", "", "is compressed .KHR_draco_mesh_compression."),
+        ("EXT_meshopt_compression", "", "is compressed .EXT_meshopt_compression."),
+        ("KHR_mesh_quantization", "POSITION", "has its POSITION in normalised integers"),
+    ],
+)
+def test_a_packed_glb_is_refused_with_the_remedy(
+    required: str, normalised: str, expected: str, tmp_path: Path
+) -> None:
+    """Trimesh reads zeros, damage or integers where numbers are packed."""
+    path = tmp_path / "packed.glb"
+    save_glb(path, None)
+    data = path.read_bytes()
+    length = int.from_bytes(data[12:16], "little")
+    tree = json.loads(data[20 : 20 + length])
+    tree["extensionsRequired"] = tree["extensionsUsed"] = [required]
+    if normalised:
+        number = tree["meshes"][0]["primitives"][0]["attributes"][normalised]
+        tree["accessors"][number]["normalized"] = True
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    sizes = struct.pack("<2I", len(data) - length + len(text), len(text))
+    path.write_bytes(data[:8] + sizes + data[16:20] + text + data[20 + length :])
+    with pytest.raises(CatalogueError, match=f"packed.glb {expected}.* not read here: save it"):
+        file_geometry(MeshFile(path))
+
+
 def test_the_colour_of_an_obj_material_is_kept(tmp_path: Path) -> None:
     """A material library beside an OBJ file, without texture, paints the faces."""
     (tmp_path / "m.mtl").write_text("newmtl red\nKd 1 0 0\n")

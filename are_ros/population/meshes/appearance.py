@@ -185,8 +185,7 @@ def _divided(body: "trimesh.Trimesh") -> "trimesh.Trimesh":
     visual = trimesh.visual.TextureVisuals(uv=looks["uv"], material=body.visual.material)
     divided = trimesh.Trimesh(vertices, faces, visual=visual, process=False)
     if "normals" in looks:
-        lengths = np.linalg.norm(looks["normals"], axis=1, keepdims=True)
-        divided.vertex_normals = looks["normals"] / np.maximum(lengths, 1e-9)
+        divided.vertex_normals = looks["normals"]
     return divided
 
 
@@ -200,8 +199,10 @@ def _normals(body: "trimesh.Trimesh") -> Floats:
     """Return the normals (F, 3, 3) that the file has for a body's corners, 0 if it has none."""
     if "vertex_normals" not in body._cache.cache:  # noqa: SLF001 - else trimesh computes them
         return np.zeros((len(body.faces), 3, 3))
-    found: Floats = np.asarray(body.vertex_normals, dtype=np.float64)[body.faces]
-    return found
+    found = np.asarray(body.vertex_normals, dtype=np.float64)[body.faces]
+    lengths = np.linalg.norm(found, axis=2, keepdims=True)
+    unit: Floats = found / np.where(lengths > 0.0, lengths, 1.0)  # some files have them in integers
+    return unit
 
 
 def _atlas(bodies: list[Any]) -> tuple[Floats, Pixels]:

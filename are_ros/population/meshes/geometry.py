@@ -3,6 +3,10 @@
 User-defined mesh files are read, coloured, rotated, scaled, and moved to their centre of mass.
 """
 
+import json
+from contextlib import suppress
+from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
@@ -114,6 +118,10 @@ def read_bodies(source: MeshFile) -> list[Any]:
     if source.path.suffix.lower() not in MESH_SUFFIXES:
         known = ", ".join(suffix[1:].upper() for suffix in MESH_SUFFIXES)
         raise CatalogueError(f"the mesh file {source.path} is none of {known}")
+    if reason := _why_packed(source.path):
+        raise CatalogueError(
+            f"the mesh file {source.path} {reason}, which is not read here: save it without"
+        )
     try:
         # Unprocessed: trimesh would drop what is not finite without a word.
         scene = trimesh.load(source.path, force="scene", process=False)
@@ -140,6 +148,31 @@ def read_bodies(source: MeshFile) -> list[Any]:
                 f" its {count} vertices, or these have not three coordinates"
             )
     return bodies
+
+
+_COMPRESSIONS: Final = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
+_NUMBERS: Final = ("POSITION", "TEXCOORD_0")
+
+
+def _why_packed(path: Path) -> str:
+    """Return how a GLB packs its numbers so that trimesh takes them for others; "" if it does not.
+
+    What is no GLB, or a damaged one, is not judged here.
+    """
+    with path.open("rb") as file, suppress(ValueError, LookupError, TypeError, AttributeError):
+        magic, length = file.read(4), int.from_bytes(file.read(16)[8:12], "little")
+        tree = json.loads(file.read(length)) if magic == b"glTF" else {}
+        required = tree.get("extensionsRequired", ())
+        for name in _COMPRESSIONS:
+            if name in required and not (name == _COMPRESSIONS[0] and find_spec("DracoPy")):
+                return f"is compressed ({name})"
+        for mesh in tree.get("meshes", ()):
+            for primitive in mesh["primitives"]:
+                for name in _NUMBERS:
+                    accessor = primitive["attributes"].get(name)
+                    if accessor is not None and tree["accessors"][accessor].get("normalized"):
+                        return f"has its {name} in normalised integers (KHR_mesh_quantization)"
+    return ""
 
 
 def _placed(scene: Any, node: str) -> Any:
