@@ -96,7 +96,8 @@ def chessboard_distance(occupied: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8
 
 def _sweep_rows(layer: npt.NDArray[np.uint8]) -> None:
     """Relax a layer (nx, ny) along y, forward and back."""
-    steps = np.arange(layer.shape[1], dtype=np.int16)
+    is_short = layer.shape[1] + FAR <= np.iinfo(np.int16).max
+    steps = np.arange(layer.shape[1], dtype=np.int16 if is_short else np.int32)
     forward = np.minimum.accumulate(layer - steps, axis=1) + steps
     backward = np.minimum.accumulate((layer + steps)[:, ::-1], axis=1)[:, ::-1] - steps
     layer[:] = np.minimum(forward, backward)

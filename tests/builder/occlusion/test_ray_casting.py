@@ -89,6 +89,16 @@ def test_an_empty_lattice_is_far_from_everything() -> None:
     assert (chessboard_distance(np.zeros((3, 4, 5), dtype=np.uint8)) == FAR).all()
 
 
+@pytest.mark.parametrize("length", [32_518, 33_000, 70_000])
+def test_the_distance_field_of_a_long_map(length: int) -> None:
+    """More voxels than a number of 16 bits has: a hall of 330 m with voxels of a centimetre."""
+    occupied = np.zeros((1, length, 1), dtype=np.uint8)
+    occupied[0, (100, length - 5)] = 1
+    along = np.arange(length)
+    expected = np.minimum(np.abs(along - 100), np.abs(along - (length - 5)))
+    np.testing.assert_array_equal(chessboard_distance(occupied)[0, 0], np.minimum(expected, FAR))
+
+
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("fraction", [(0.5, 0.5, 0.5), (-0.1, 0.3, 0.2), (0.4, 0.6, 1.1)])
 def test_hits_agree_with_the_slabs_of_every_voxel(
