@@ -22,11 +22,11 @@ _RETURN_SHARE = 0.995
 class LaserScan:
     """N ranges in the x-y plane of the laser's frame, at angles counted from x towards y [rad].
 
-    Beam i looks along angle_min + i * angle_increment (the increment may be negative). `ranges` is
-    float32 (N,) [m]: -inf too close, +inf, NaN, 0 or beyond range_max no return. `intensities` is
-    float32, (N,) or empty. Both become read-only. Times: `stamp_ns` of the first beam [ns],
-    `time_increment_s` between beams, `scan_time_s` between scans. Numbers from outside
-    must pass `checked`.
+    Beam i looks along angle_min + i * angle_increment (the increment may be negative; of a single
+    beam it may be anything, as 0, or NaN in Gazebo). `ranges` is float32 (N,) [m]: -inf too close,
+    +inf, NaN, 0 or beyond range_max no return. `intensities` is float32, (N,) or empty. Both become
+    read-only. Times: `stamp_ns` of the first beam [ns], `time_increment_s` between beams,
+    `scan_time_s` between scans. Numbers from outside must pass `checked`.
     """
 
     frame_id: str
@@ -51,9 +51,9 @@ class LaserScan:
         """Return this scan, or raise InputError with `source`, field and reason.
 
         Refused: an empty frame, an angle, a time or a range_min that is not finite, an increment of
-        0, a negative range_min or one above range_max (which may be infinite), no beam, ranges of
-        several dimensions, and intensities of another length. An angle_max that does not fit is
-        not: see `misfit`.
+        0 between several beams, a negative range_min or one above range_max (which may be
+        infinite), no beam, ranges of several dimensions, and intensities of another length. An
+        angle_max that does not fit is not: see `misfit`.
         """
         reason = self._why_refused()
         if reason is not None:
@@ -67,8 +67,8 @@ class LaserScan:
         Drivers disagree whether angle_max is the last beam or one past it, and some round: a beam
         more or less fits. Nothing depends on it, as laser_geometry and AMCL do not use angle_max.
         """
-        first, last, step = self.angle_min_rad, self.angle_max_rad, self.angle_increment_rad
-        count, expected = len(self.ranges), (last - first) / step + 1.0
+        first, last, step = self.angle_min_rad, self.angle_max_rad, self._step_rad
+        count, expected = len(self.ranges), (last - first) / step + 1.0 if step else 1.0
         if abs(expected - count) <= 1.5:
             return ""
         angles = f"{first:.6g} to {last:.6g} by {step:.6g}"
@@ -84,7 +84,7 @@ class LaserScan:
 
     def directions(self) -> npt.NDArray[np.float64]:
         """Return the beams' unit vectors in the laser's frame, float64 (N, 3), read-only."""
-        return _directions(self.angle_min_rad, self.angle_increment_rad, len(self.ranges))
+        return _directions(self.angle_min_rad, self._step_rad, len(self.ranges))
 
     def returns(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
         """Return where beams ended, float64 (M, 3) in the laser's frame [m], and which, bool (N,).
@@ -130,11 +130,16 @@ class LaserScan:
         """Return the scan with other ranges (N,) and intensities."""
         return replace(self, ranges=ranges, intensities=intensities)
 
+    @property
+    def _step_rad(self) -> float:
+        """The angle from each beam to the next; 0 of a single one, which has none after it."""
+        return self.angle_increment_rad if len(self.ranges) > 1 else 0.0
+
     def _why_refused(self) -> str | None:
         numbers = {
             "angle_min": self.angle_min_rad,
             "angle_max": self.angle_max_rad,
-            "angle_increment": self.angle_increment_rad,
+            "angle_increment": self._step_rad,
             "time_increment": self.time_increment_s,
             "scan_time": self.scan_time_s,
             "range_min": self.range_min_m,
@@ -150,7 +155,7 @@ class LaserScan:
 
     def _why_beams_refused(self) -> str | None:
         count, extra = len(self.ranges), len(self.intensities)
-        if self.angle_increment_rad == 0.0:
+        if self._step_rad == 0.0 and count > 1:
             return "angle_increment is 0"
         if count == 0:
             return "ranges is empty"

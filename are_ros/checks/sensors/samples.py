@@ -138,7 +138,9 @@ class LaserSample(Sample):
         return Rays(self._ways(which), limits_m.astype(np.float64), unreturned)
 
     def _ways(self, which: NDArray[np.int64]) -> NDArray[np.float64]:
-        angles = self.numbers["angle_min"] + which * self.numbers["angle_increment"]
+        # the increment of a single beam may be anything, as NaN in Gazebo
+        step = self.numbers["angle_increment"] if len(self.ranges) > 1 else 0.0
+        angles = self.numbers["angle_min"] + which * step
         return np.column_stack((np.cos(angles), np.sin(angles), np.zeros(len(angles))))
 
     @property

@@ -76,6 +76,19 @@ def test_a_scan_may_turn_the_other_way_and_see_without_end() -> None:
     assert turned.checked()
 
 
+@pytest.mark.parametrize("increment", [0.0, math.nan, math.inf, 0.01])
+def test_the_increment_of_a_single_beam_may_be_anything(increment: float) -> None:
+    """Gazebo divides by the number of beams less 1; the beam looks along angle_min all the same."""
+    one = np.array([2.0], dtype=np.float32)
+    none = np.empty(0, dtype=np.float32)
+    single = replace(SCAN, angle_max_rad=-1.0, angle_increment_rad=increment, ranges=one)
+    scan = replace(single, intensities=none).checked()
+    assert not scan.misfit
+    expected = np.array([[math.cos(-1.0), math.sin(-1.0), 0.0]])
+    np.testing.assert_allclose(scan.directions(), expected)
+    np.testing.assert_allclose(scan.returns()[0], 2.0 * expected)
+
+
 @pytest.mark.parametrize(
     ("scan", "sentence"),
     [
@@ -83,6 +96,7 @@ def test_a_scan_may_turn_the_other_way_and_see_without_end() -> None:
         (replace(SCAN, angle_max_rad=math.inf), "front: angle_max is inf"),
         (replace(SCAN, time_increment_s=math.nan), "front: time_increment is nan"),
         (replace(SCAN, angle_increment_rad=0.0), "front: angle_increment is 0"),
+        (replace(SCAN, angle_increment_rad=math.nan), "front: angle_increment is nan"),
         (replace(SCAN, range_min_m=11.0), "front: range_min is 11.0 and range_max 10.0"),
         (replace(SCAN, range_min_m=-0.1), "front: range_min is -0.1"),
         (replace(SCAN, range_max_m=math.nan), "front: range_min is 0.1 and range_max nan"),

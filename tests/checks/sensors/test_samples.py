@@ -1,6 +1,7 @@
 """Readings of sensors as the checks take them: what is a return, and where rays end."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -42,3 +43,12 @@ def test_a_beam_without_a_return_may_end_at_an_artefact() -> None:
     assert changes.too_close.tolist() == [False, False, True, False]
     assert "in beam 3" in real.changes(sample(INF, 0.0, 0.0, INF)).fault
     assert real.changes(sample(INF, 0.0, 0.0, 0.0)).fault == ""
+
+
+def test_a_single_beam_looks_along_angle_min() -> None:
+    """Whatever its increment is: in Gazebo it is NaN."""
+    numbers = NUMBERS | {"angle_min": 0.5 * math.pi, "angle_increment": math.nan}
+    real, output = (replace(sample(range_m), numbers=numbers) for range_m in (2.0, 1.0))
+    changes = real.changes(output)
+    assert changes.fault == ""
+    np.testing.assert_allclose(changes.points_m, [[[0.0, 1.0, 0.0]]], atol=1e-12)
