@@ -15,6 +15,7 @@ from are_ros.bag.decoded import Event, Grid, Metrics, Perceived, Scene
 from are_ros.bag.recording import PREFIX, Recording, find_recording
 from are_ros.bag.roles import CAMERA, OCTOMAP, find_roles, slashed
 from are_ros.builder.sensors.laser_scan import LaserScan
+from are_ros.conventions import UNKNOWN
 from are_ros.draw.scene import ArtefactAt, Moment, ScanPoints, SceneRecord, scan_points
 from are_ros.errors import AreError, BagError, InputError
 from are_ros.messages.common import read_header
@@ -264,15 +265,19 @@ class SceneReader:
 
     def _take_map(self, value: Grid) -> None:
         grid = grid_of(value, "map")
-        if self.grid is None or not np.array_equal(grid.cells, self.grid.cells):
+        if self.grid is None or not grid.is_same_map(self.grid):
             self.revision += 1
         self.grid = grid
 
     def _take_augmented(self, value: Grid) -> None:
-        """Keep the least value of each cell: artefacts come and go, walls stay."""
+        """Keep the least known value of each cell: artefacts come and go, walls stay.
+
+        Where a map is being made, unknown cells become known; one that has grown or moved is new.
+        """
         grid, known = grid_of(value, _AUGMENTED), self.grid
-        if known is not None and known.cells.shape == grid.cells.shape:
-            cells = np.minimum(known.cells, grid.cells)
+        if known is not None and known.is_same_lattice(grid):
+            are_known = (known.cells > UNKNOWN) & (grid.cells > UNKNOWN)
+            cells = np.where(are_known, np.minimum(known.cells, grid.cells), grid.cells)
             grid = OccupancyGrid(cells, grid.resolution_m, grid.origin, grid.frame_id)
         self.grid = grid
 

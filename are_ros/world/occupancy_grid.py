@@ -53,10 +53,16 @@ class OccupancyGrid:
     def is_same_map(self, other: "OccupancyGrid") -> bool:
         """Tell whether the other has the same cells at the same place, whatever its stamp."""
         return self is other or (
-            self.resolution_m == other.resolution_m
+            self.is_same_lattice(other) and np.array_equal(self.cells, other.cells)
+        )
+
+    def is_same_lattice(self, other: "OccupancyGrid") -> bool:
+        """Tell whether the other has as many cells, as large, at the same place."""
+        return (
+            self.cells.shape == other.cells.shape
+            and self.resolution_m == other.resolution_m
             and np.array_equal(self.origin.translation_m, other.origin.translation_m)
             and np.array_equal(self.origin.rotation_xyzw, other.origin.rotation_xyzw)
-            and np.array_equal(self.cells, other.cells)
         )
 
     @classmethod

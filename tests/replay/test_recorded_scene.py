@@ -3,12 +3,13 @@
 import json
 import math
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from are_ros.bag.decoded import value_of
+from are_ros.bag.decoded import Grid, value_of
 from are_ros.bag.recording import Recording, find_recording
 from are_ros.bag.types import jazzy_typestore
 from are_ros.conventions import NS_PER_S
@@ -66,6 +67,46 @@ def test_without_inputs_walls_come_from_the_augmented_maps(
     assert least.cells.shape == real.cells.shape
     assert (least.cells != real.cells).mean() < 0.02
     assert (least.cells >= real.cells).all()
+
+
+def _grid(cells: list[list[int]], x_m: float = 0.0, resolution_m: float = 0.5) -> Grid:
+    """Return a map of these cells whose corner is at x."""
+    data = np.array(cells, np.int8)
+    origin = (x_m, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+    size = data.shape[1], data.shape[0]
+    return Grid(0, 0, "map", *size, resolution_m, origin, data.ravel())
+
+
+def _seen_maps(role: str, *grids: Grid) -> SceneReader:
+    reader = SceneReader(Parameters(), lambda *_: None, has_camera_info=False)
+    for grid in grids:
+        reader.take(role, grid)
+    return reader
+
+
+@pytest.mark.parametrize("changed", [{"x_m": 1.0}, {"resolution_m": 0.25}])
+def test_walls_of_a_map_that_moved_are_its_own(changed: Mapping[str, float]) -> None:
+    """As of a map that rolls, or is made anew: a cell is another place than it was."""
+    walls = [[100, 0], [0, 100]]
+    grid = _seen_maps("augmented_map", _grid([[0, 0], [100, 0]]), _grid(walls, **changed)).grid
+    assert grid is not None
+    assert grid.cells.tolist() == walls
+
+
+def test_cells_that_were_unknown_are_what_they_became() -> None:
+    """SLAM within a map of a fixed size: the first map would blank out all later ones."""
+    first, last = [[-1, 0, 0, 100]], [[100, -1, 100, 0]]
+    grid = _seen_maps("augmented_map", _grid(first), _grid(last)).grid
+    assert grid is not None
+    assert grid.cells.tolist() == [[100, -1, 0, 0]]
+
+
+def test_a_map_of_the_same_cells_elsewhere_is_shown_anew() -> None:
+    """The live view draws by the revision."""
+    cells = [[0, 100]]
+    assert _seen_maps("map", _grid(cells), _grid(cells)).revision == 1
+    assert _seen_maps("map", _grid(cells), _grid(cells, 1.0)).revision == 2
+    assert _seen_maps("map", _grid(cells), _grid(cells, 0.0, 0.25)).revision == 2
 
 
 def test_an_animation_of_any_recording(
