@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final, cast
 
 import numpy as np
@@ -50,8 +51,7 @@ def read_map_image(path: Path) -> MapImage:
         message = f"{path}: the image cannot be read ({error.strerror})"
         raise MapError(message) from error
     if data.startswith(_PNG_SIGNATURE):
-        _check_png(path, data)
-        return _raster(path, data, "png")
+        return _raster(path, data, "png", _png_chunks(path, data))
     if data[:2] in {b"P2", b"P5"}:
         return _pgm(path, data)
     if data.startswith(_BMP_SIGNATURE):
@@ -90,11 +90,20 @@ def _plain_samples(path: Path, body: bytes, count: int) -> npt.NDArray[np.intege
     return np.array([int(word) for word in words], dtype=np.int64)
 
 
-def _raster(path: Path, data: bytes, kind: str) -> MapImage:
-    """Return the image of a png or a bmp; the fourth byte of a bmp's pixel is mostly no alpha."""
+def _raster(
+    path: Path, data: bytes, kind: str, chunks: Mapping[bytes, bytes] = MappingProxyType({})
+) -> MapImage:
+    """Return the image of a png, by its chunks, or of a bmp.
+
+    The fourth byte of a bmp's pixel is mostly no alpha.
+    """
     image = _decoded(path, data, kind)
-    channels = image.reshape(*image.shape[:2], -1)
-    colours, white = channels[:, :, :3], int(np.iinfo(image.dtype).max)
+    channels, white = image.reshape(*image.shape[:2], -1), int(np.iinfo(image.dtype).max)
+    clear = _transparent_grey(chunks)
+    if clear is not None and channels.shape[2] == 1:
+        alpha = np.where(channels == clear, 0, white)
+        channels = np.concatenate((channels, channels, channels, alpha), axis=2)
+    colours = channels[:, :, :3]
     sums = colours.sum(axis=2, dtype=np.int64)
     has_alpha = kind == "png" and channels.shape[2] == 4
     opacity = channels[:, :, 3].astype(np.int64) if has_alpha else None
@@ -112,8 +121,25 @@ def _decoded(path: Path, data: bytes, kind: str) -> npt.NDArray[np.integer]:
     return cast("npt.NDArray[np.integer]", image)
 
 
-def _check_png(path: Path, data: bytes) -> None:
-    """Walk the chunks: a decoder may fill up what is missing without a word."""
+def _transparent_grey(chunks: Mapping[bytes, bytes]) -> int | None:
+    """Return the grey, as it is decoded, that stands for no opacity, None where none does.
+
+    OpenCV heeds it in a png of colours, not in one of greys.
+    """
+    header, key = chunks.get(b"IHDR", b""), chunks.get(b"tRNS", b"")
+    if len(header) < 10 or header[9] or len(key) != 2:
+        return None
+    full = (1 << header[8]) - 1
+    grey = int.from_bytes(key, "big") & full
+    return grey if full > 255 else grey * 255 // full
+
+
+def _png_chunks(path: Path, data: bytes) -> dict[bytes, bytes]:
+    """Return the first chunk of each name; MapError where one is damaged or missing.
+
+    A decoder may fill up what is missing without a word.
+    """
+    chunks: dict[bytes, bytes] = {}
     position = len(_PNG_SIGNATURE)
     name = b""
     while name != b"IEND":
@@ -124,7 +150,9 @@ def _check_png(path: Path, data: bytes) -> None:
         name, body = data[position + 4 : position + 8], data[position + 8 : end - 4]
         if zlib.crc32(name + body) != int.from_bytes(data[end - 4 : end], "big"):
             raise MapError(f"{path}: the png is corrupt (checksum)")
+        chunks.setdefault(name, body)
         position = end
+    return chunks
 
 
 class MapMode(Enum):

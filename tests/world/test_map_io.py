@@ -1,6 +1,8 @@
 """Map files: the modes against a pixel-by-pixel twin, real maps, and every bad input."""
 
 import math
+import struct
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -297,6 +299,38 @@ def test_images_of_16_bits_are_read_to_the_last_bit(
         image = b"P5\n16 16\n65535\n" + pixels.astype(">u2").tobytes()
         same = read_map_file(write_map(tmp_path, image, {"mode": mode}))
         assert np.array_equal(same.cells, grid.cells)
+
+
+def _chunk(name: bytes, body: bytes) -> bytes:
+    return len(body).to_bytes(4, "big") + name + body + zlib.crc32(name + body).to_bytes(4, "big")
+
+
+@pytest.mark.parametrize("mode", ["trinary", "scale", "raw"])
+@pytest.mark.parametrize("depth", [2, 8, 16])
+def test_a_grey_that_stands_for_no_opacity_is_as_an_alpha_channel(
+    tmp_path: Path, mode: str, depth: int
+) -> None:
+    """As programs that make a png smaller write the unknown cells of a map of greys."""
+    full = 2**depth - 1
+    greys = np.random.default_rng(8).integers(0, 4, (5, 8)) * (full // 3)
+    clear = full // 3
+    bits = (greys[:, :, np.newaxis] >> np.arange(depth)[::-1]) & 1
+    rows = np.packbits(bits.reshape(5, -1).astype(np.uint8), axis=1)
+    data = zlib.compress(b"".join(b"\0" + row.tobytes() for row in rows))
+    header = struct.pack(">IIBBBBB", 8, 5, depth, 0, 0, 0, 0)
+    chunks = [
+        (b"IHDR", header),
+        (b"tRNS", clear.to_bytes(2, "big")),
+        (b"IDAT", data),
+        (b"IEND", b""),
+    ]
+    image = b"\x89PNG\r\n\x1a\n" + b"".join(_chunk(*one) for one in chunks)
+    found = read_map_file(write_map(tmp_path, image, {"mode": mode})).cells
+    colour, opacity = greys * 255 // full, np.where(greys == clear, 0, 255)
+    pixels = np.stack((colour, colour, colour, opacity), axis=2).astype(np.uint8)
+    assert np.array_equal(found, read_map_file(write_png(tmp_path, pixels, mode=mode)).cells)
+    is_unknown = np.flipud(greys == clear)
+    assert mode != "scale" or np.array_equal(found == -1, is_unknown)
 
 
 @pytest.mark.parametrize("channels", [1, 3, 4])
