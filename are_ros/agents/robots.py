@@ -68,6 +68,16 @@ class RobotTracker:
         self._base_frame = next(connected, "")
         return self._base_frame or next(iter(known), _USUAL_BASES[0])
 
+    def odometry_frame(self, name: str) -> str:
+        """Return the odometry frame: the one of this name, else that in which the base moves.
+
+        Empty if that is the map's frame, or is not known.
+        """
+        if self._frames.has_frame(name):
+            return name
+        found = self._frames.moves_in(self.base_frame())
+        return "" if found == self._map_frame else found
+
     def _is_connected(self, frame: str) -> bool:
         try:
             self._frames.latest_common_time(self._map_frame, frame)

@@ -59,7 +59,9 @@ class Simulation:
         self.camera = assembly.default_camera(parameters)
         self._meshes = MeshBank()
         self.lives.viewpoints = self.cameras_at
-        self.sensors = SensorAugmentation(parameters, self.frames, self.lives, self._meshes)
+        self.sensors = SensorAugmentation(
+            parameters, self.frames, self.robots, self.lives, self._meshes
+        )
         self.judges_until_ns = _AFTER_ALL_NS
         """Deadlines of readings after this are not processed yet; a node sets it."""
         self._now_ns = _BEFORE_ALL_NS

@@ -167,7 +167,11 @@ class FramesParameters:
     """The frame tree (section 3.3)."""
 
     map: str = parameter("map", "The world frame F_E: that of the map.")
-    odom: str = parameter("odom", "The odometry frame; map->odom may be held for late sensor data.")
+    odom: str = parameter(
+        "odom",
+        "The odometry frame; map->odom may be held for late sensor data. Without a frame of this"
+        " name it is that in which the base moves.",
+    )
     base: str = parameter(
         "",
         "The robot's base F_R; empty: base_footprint, else base_link, whichever there is. A replay "

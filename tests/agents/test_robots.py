@@ -51,6 +51,21 @@ def test_bases_within_namespaces_are_told_with_what_helps() -> None:
     assert "set frames.base" not in configured.missing
 
 
+def test_the_odometry_frame_is_that_in_which_the_base_moves() -> None:
+    """Unless there is one of the name; joints do not move, and the map is none."""
+    robots, frames = tracker("base_link")
+    assert robots.odometry_frame("odom") == ""
+    frames.set_static("base_footprint", "base_link", (0.0, 0.0, 0.1), NO_TURN)
+    assert robots.odometry_frame("odom") == ""
+    frames.set_transform("map", "base_footprint", 100, (1.0, 2.0, 0.0), NO_TURN)
+    assert robots.odometry_frame("odom") == ""
+    frames.set_transform("odom_combined", "base_footprint", 200, (1.0, 2.0, 0.0), NO_TURN)
+    frames.set_transform("map", "odom_combined", 200, (0.0, 0.0, 0.0), NO_TURN)
+    assert robots.odometry_frame("odom") == "odom_combined"
+    frames.set_transform("world", "odom", 200, (0.0, 0.0, 0.0), NO_TURN)
+    assert robots.odometry_frame("odom") == "odom"
+
+
 def test_a_pose_is_as_old_as_max_age_at_the_most() -> None:
     """At the bound it is taken, a nanosecond later not, and the reason is told."""
     robots, frames = tracker()

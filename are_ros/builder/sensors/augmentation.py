@@ -1,9 +1,11 @@
 """The readings of all sensors: each topic has its path, and meets the artefacts of its time."""
 
 import math
+from functools import partial
 from operator import attrgetter
 from typing import Any
 
+from are_ros.agents.robots import RobotTracker
 from are_ros.builder.occlusion.meshes import MeshBank
 from are_ros.builder.occlusion.rays import VoxelField
 from are_ros.builder.population_manager import PopulationManager
@@ -34,13 +36,19 @@ class SensorAugmentation:
     """
 
     def __init__(
-        self, parameters: Parameters, frames: FrameTree, lives: PopulationManager, meshes: MeshBank
+        self,
+        parameters: Parameters,
+        frames: FrameTree,
+        robots: RobotTracker,
+        lives: PopulationManager,
+        meshes: MeshBank,
     ) -> None:
         self.perceived: frozenset[int] = frozenset()
         self._settings = parameters.sensors
         self._history_ns = seconds_to_ns(parameters.poses.history)
         self._tick_ns = tick_period_ns(parameters.builder.tick_rate)
-        self._frame_names = parameters.frames
+        self._map_frame = parameters.frames.map
+        self._odometry_frame = partial(robots.odometry_frame, parameters.frames.odom)
         self._frames = frames
         self._lives = lives
         self._meshes = meshes
@@ -90,8 +98,8 @@ class SensorAugmentation:
         if topic not in self._paths:
             self._paths[topic] = path = SensorPath(
                 self._frames,
-                self._frame_names.map,
-                self._frame_names.odom,
+                self._map_frame,
+                self._odometry_frame,
                 seconds_to_ns(self._settings.tf_wait),
                 self._history_ns,
                 self._augmented,

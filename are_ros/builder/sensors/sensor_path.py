@@ -103,13 +103,14 @@ class SensorPath:
     """The queue of the waiting readings of one topic, in the order of reception.
 
     Readings of images also wait for the `lens`, from the CameraInfo on `lens_topic`.
+    `odometry_frame` returns the frame whose pose in the map may be held, "" without one.
     """
 
     def __init__(
         self,
         frames: FrameTree,
         map_frame: str,
-        odom_frame: str,
+        odometry_frame: Callable[[], str],
         wait_ns: int,
         history_ns: int,
         augment: Augment,
@@ -126,7 +127,7 @@ class SensorPath:
         self._problems: dict[str, Problem] = {}
         self._frames = frames
         self._map_frame = map_frame
-        self._odom_frame = odom_frame
+        self._odometry_frame = odometry_frame
         self._augment = augment
         self._waiting: deque[_Waiting] = deque()
         self._too_early: deque[_Waiting] = deque(maxlen=_WATCHED)
@@ -266,12 +267,12 @@ class SensorPath:
         return self._frames.try_lookup(self._map_frame, reading.frame_id, reading.stamp_ns)
 
     def _held_pose(self, reading: Reading) -> RigidTransform | None:
-        has_odometry = self._frames.has_frame(self._odom_frame)
+        odometry_frame = self._odometry_frame()
         try:
-            if not has_odometry:
+            if not odometry_frame:
                 return self._frames.lookup(self._map_frame, reading.frame_id, reading.stamp_ns)
             return self._frames.lookup_held(
-                self._map_frame, self._odom_frame, reading.frame_id, reading.stamp_ns
+                self._map_frame, odometry_frame, reading.frame_id, reading.stamp_ns
             )
         except FrameError as cause:
             self._pass_through(str(cause))

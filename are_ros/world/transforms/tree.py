@@ -251,6 +251,16 @@ class FrameTree:
                 above = edge.parent
         return ""
 
+    def moves_in(self, frame: str) -> str:
+        """Return the parent of the first edge above a frame that is not static; "" without any."""
+        below, passed = self._numbers.get(frame.lstrip("/"), -1), set[int]()
+        while (edge := self._table.edges.get(below)) is not None and below not in passed:
+            if not edge.is_static:
+                return self._names[edge.parent]
+            passed.add(below)
+            below = edge.parent
+        return ""
+
     def _name_of(self, edge: Edge) -> str:
         return f"{self._names[edge.parent]} -> {self._names[edge.child]}"
 
