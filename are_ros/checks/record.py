@@ -204,6 +204,17 @@ class Record:
         known = (name for name in _USUAL_BASES if self.frames.has(name))
         return self.settings.frames.base or next(known, _USUAL_BASES[0])
 
+    def odometry_frame(self) -> str:
+        """Return the frame whose pose in the map may be held, "" without one.
+
+        It is the one of its name, else that in which the base moves, unless that is the map's.
+        """
+        settings = self.settings.frames
+        if self.frames.has(settings.odom):
+            return settings.odom
+        found = self.frames.moves_in(self.base_frame())
+        return "" if found == settings.map else found
+
     def real_map_at(self, stamp_ns: int) -> RealMap | None:
         """Return the real map that a tick knew: the last received before it.
 

@@ -219,6 +219,8 @@ def test_lookups_are_those_of_the_frame_tree() -> None:
     assert frames.lookup("map", "laser", 999 * MS, KNOWN) is None
     assert frames.lookup("map", "laser", 123 * MS, 122 * MS) is None
     assert frames.lookup("map", "nowhere", 123 * MS, KNOWN) is None
+    for frame, moves_in in (("laser", "odom"), ("arm", "base"), ("map", ""), ("nowhere", "")):
+        assert frames.moves_in(frame) == tree.moves_in(frame) == moves_in
 
 
 def test_a_transform_that_came_late_is_known_from_then_on() -> None:

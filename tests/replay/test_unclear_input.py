@@ -262,6 +262,32 @@ def test_a_robot_in_a_namespace_has_its_base_there(
     assert len(ranges["a"]) > 40
 
 
+def test_odometry_of_another_frame_holds_a_correction_that_comes_once(
+    run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path
+) -> None:
+    """As of a localization that speaks when it corrects; the scans are augmented and checked."""
+
+    def first(message: Any) -> None:
+        nonlocal is_first
+        corrections = [one for one in message.transforms if one.header.frame_id == "map"]
+        if corrections and not is_first:
+            message.transforms = [one for one in message.transforms if one not in corrections]
+        is_first = is_first and not corrections
+
+    is_first = True
+    records = _in_namespace(_with(sample_records, ["/tf"], first), "r1", FRAMES)
+    bag = write_bag(tmp_path / "bag.mcap", records)
+    done = run_are("replay", bag, "--with-inputs", "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    scans = json.loads((tmp_path / "out/metrics.json").read_text())["scans"]["/r1/scan"]
+    assert scans["held"] > 40
+    assert scans["passed_through"] < 3
+    checked = run_are("check", tmp_path / "out")
+    assert checked.returncode == 0, checked.stdout
+    (line,) = [one for one in checked.stdout.splitlines() if "rays that artefacts stop" in one]
+    assert "rays that artefacts stop: passed" in line
+
+
 def test_of_two_robots_one_has_to_be_chosen(
     run_are: RunAre, write_bag: WriteBag, sample_records: Records, tmp_path: Path
 ) -> None:

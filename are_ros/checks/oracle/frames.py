@@ -203,6 +203,11 @@ class Frames:
         parents = {edge.parent for edges in self._edges.values() for edge in edges.values()}
         return frame in self._edges or frame in parents
 
+    def moves_in(self, frame: str) -> str:
+        """Return the parent of the first edge above a frame that is not static; "" without any."""
+        edges = self._ancestors(frame).values()
+        return next((edge.parent for edge in edges if edge and not edge.is_static), "")
+
     def lookup(self, target: str, source: str, stamp_ns: int, known_by_ns: int) -> Pose | None:
         """Return target_from_source at a stamp, None where the chain is not known there."""
         up, down = self._chains(target, source)

@@ -535,5 +535,6 @@ def sensor_pose(record: Record, scan: Released) -> tuple[Pose, float] | None:
     exact = frames.lookup(settings.map, scan.frame_id, stamp_ns, known_ns)
     if exact is not None:  # live, the node may have held map->odom before it was known
         return exact, _HELD_SLACK_M if record.is_live else _EXACT_SLACK_M
-    held = frames.lookup_held(settings.map, settings.odom, scan.frame_id, stamp_ns, known_ns)
+    fixed = record.odometry_frame()
+    held = frames.lookup_held(settings.map, fixed, scan.frame_id, stamp_ns, known_ns)
     return None if held is None else (held, _HELD_SLACK_M)
