@@ -248,9 +248,7 @@ class SoakRun:
                 f"motion.step is {self._step_s:g} s: a soak looks at every sub-step, "
                 f"which takes {_SHORTEST_STEP_S:g} s or more"
             )
-        # The robot is a disc, for the artefacts as for the judge.
-        soaked = {"builder.tick_rate": 1.0 / self._step_s, "robot.footprint": ""}
-        parameters = with_values(parameters, soaked)
+        parameters = _with_roving_robot(parameters)
         self.builder = ArBuilder(parameters, catalogue, MOTION_ONLY)
         self.builder.receive_map(grid, 0)
         environment = self.builder.world.environment
@@ -302,8 +300,8 @@ class SoakRun:
         robot.drive(self._step_s, states)
         pose = (robot.x_m, robot.y_m, 0.0)
         turn = (0.0, 0.0, math.sin(0.5 * robot.yaw_rad), math.cos(0.5 * robot.yaw_rad))
-        then_ns = now_ns + step_ns // 2
-        self.builder.receive_transform("map", "base_link", then_ns, pose, turn, then_ns)
+        then_ns, frames = now_ns + step_ns // 2, self.builder.parameters.frames
+        self.builder.receive_transform(frames.map, frames.base, then_ns, pose, turn, then_ns)
         self._is_robot_seen = True
         return tick
 
@@ -348,6 +346,24 @@ class SoakRun:
                 way.jumps.add(len(way.points_m))
             if not way.points_m or way.points_m[-1] != here_m:
                 way.points_m.append(here_m)
+
+
+def _with_roving_robot(parameters: Parameters) -> Parameters:
+    """Return the parameters of a soak: ticks at the sub-steps, and the robot that drives about.
+
+    The robot is a disc, for the artefacts as for the judge. Its base is fixed to nothing, and its
+    poses, half a sub-step old, are new enough.
+    """
+    step_s, frames = parameters.motion.step, parameters.frames
+    base = frames.base or "base_link"
+    soaked = {
+        "builder.tick_rate": 1.0 / step_s,
+        "robot.footprint": "",
+        "frames.base": base,
+        "frames.static": [text for text in frames.static if text.split()[-1:] != [base]],
+        "frames.max_age": max(frames.max_age, step_s),
+    }
+    return with_values(parameters, soaked)
 
 
 def _limits(motion: MotionLimits) -> Limits:

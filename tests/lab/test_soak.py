@@ -164,6 +164,23 @@ def test_a_footprint_of_the_users_robot_is_no_overlap() -> None:
     assert other.table() == plain.table()
 
 
+@pytest.mark.parametrize(
+    "frames",
+    [
+        {"frames.map": "world"},
+        {"frames.base": "robot/base_footprint"},
+        {"frames.static": ("0 0 0.05 0 0 0 base_footprint base_link",)},
+        {"frames.max_age": 0.0},
+    ],
+)
+def test_the_frames_of_the_users_robot_do_not_stop_the_robot(frames: dict[str, Any]) -> None:
+    """It has the frames that the parameters name; nothing of a soak depends on them."""
+    crowd = parameters(0.02, **PEOPLE)
+    named = with_values(crowd, frames)
+    there = replace(room(), frame_id=named.frames.map)
+    assert soaked(there, 2.0, named).table() == soaked(room(), 2.0, crowd).table()
+
+
 def test_a_reported_contact_far_from_the_centre_of_mass_is_no_overlap(tmp_path: Path) -> None:
     """The frame of a mesh is in its centre of mass, here near one end of its box."""
     heavy, arm = trimesh.creation.box((0.6, 0.6, 1.0)), trimesh.creation.box((2.0, 0.1, 0.3))
