@@ -10,7 +10,14 @@ from typing import Any, Final
 import yaml
 
 from are_ros.errors import ParameterError
-from are_ros.parameters.declaration import NodeParameters, Value, describe, flatten, with_values
+from are_ros.parameters.declaration import (
+    NodeParameters,
+    Value,
+    describe,
+    flatten,
+    value_at,
+    with_values,
+)
 from are_ros.parameters.model import Parameters
 from are_ros.wording import listed
 from are_ros.yaml_text import parse_yaml, read_yaml
@@ -85,7 +92,8 @@ def parameter_file_for_ros(paths: Sequence[Path], namespace: str = "") -> str:
     It holds what they give to the node in the namespace, later values winning, with the paths of
     files that lie beside them. ROS itself applies `ar_builder:` to /ar_builder only, and of two
     values of one name under one section it keeps the first where they are of different types, as
-    30 and 12.5 are. ParameterError if a file cannot be read, or holds nothing for the node.
+    30 and 12.5 are; a list of both it refuses. ParameterError if a file cannot be read, holds
+    nothing for the node, or a list that its parameter cannot take.
     """
     node = _full_name(f"{namespace.strip('/')}/{_NODE}")
     values: dict[str, Any] = {}
@@ -99,16 +107,32 @@ def parameter_file_for_ros(paths: Sequence[Path], namespace: str = "") -> str:
         for own in ours:
             if empty := [name for name, value in own.items() if value is None]:
                 raise ParameterError(f"parameter file {path}: '{empty[0]}' has no value")
-            values |= {**own, **_files_beside(path, own)}
+            try:
+                values |= {**_with_lists_of_one_type(own), **_files_beside(path, own)}
+            except ParameterError as cause:
+                raise ParameterError(f"parameter file {path}: {cause}") from cause
     return _section_for_ros("/**/*", values)
 
 
 def assignments_for_ros(texts: Sequence[str]) -> str:
     """Return the text of a parameter file with `name:=value`, one or more, for ROS to read last.
 
-    Raises ParameterError as `parse_assignment`.
+    Raises ParameterError as `parse_assignment`, and for a list that its parameter cannot take.
     """
-    return _section_for_ros("/**/**", dict(map(parse_assignment, texts)))
+    values = _with_lists_of_one_type(dict(map(parse_assignment, texts)))
+    return _section_for_ros("/**/**", values)
+
+
+def _with_lists_of_one_type(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values, and lists with the elements that their parameters have, as 0.0 for 0."""
+    defaults = flatten(Parameters())
+    lists = {
+        name: value
+        for name, value in values.items()
+        if isinstance(value, list) and isinstance(defaults.get(name), tuple)
+    }
+    taken = with_values(Parameters(), lists)
+    return {**values, **{name: list(value_at(taken, name)) for name in lists}}
 
 
 def _section_for_ros(section: str, values: Mapping[str, Any]) -> str:

@@ -211,11 +211,12 @@ def test_of_values_of_several_types_the_last_one_counts(bridged: Bridged, tmp_pa
     files = ["--params-file", str(tmp_path / "files.yaml")]
     (tmp_path / "files.yaml").write_text(parameter_file_for_ros([first, second]), encoding="utf-8")
     last = ["--params-file", str(tmp_path / "last.yaml")]
-    given = assignments_for_ros(["population.mean_life:=12.5", "camera.other_rates:=[0.5]"])
+    given = assignments_for_ros(["population.mean_life:=12.5", "camera.other_rates:=[0.5, 1]"])
     (tmp_path / "last.yaml").write_text(given, encoding="utf-8")
-    found = bridged(arguments=[*files, "-p", "seed:=4", *last]).bridge.values
+    others = ["-p", 'camera.others:=["/rear", "/side"]', "-p", "seed:=4"]
+    found = bridged(arguments=[*files, *others, *last]).bridge.values
     assert (found.population.mean_life, found.robot.radius) == (12.5, 0.5)
-    assert (found.camera.other_rates, found.seed) == ((0.5,), 4)
+    assert (found.camera.other_rates, found.seed) == ((0.5, 1.0), 4)
     found = bridged(arguments=[*files, "-p", "population.mean_life:=12.5"]).bridge.values
     assert found.population.mean_life == 12.5
 

@@ -203,6 +203,27 @@ def test_texts_for_ros_have_quotes() -> None:
         assignments_for_ros(["seed"])
 
 
+def test_lists_for_ros_are_of_one_type(tmp_path: Path) -> None:
+    """Rcl refuses a list of 1.5 and 0, takes [[1]] for [1], and null for a text."""
+    path = tmp_path / "p.yaml"
+    for text in ("[0.1, 0, 1, 0.0, 0, 0]", "[0, 0, 1, 0, 0, 0]"):
+        path.write_text(f"/**: {{ros__parameters: {{camera: {{mount: {text}}}}}}}")
+        single = assignments_for_ros([f"camera.mount:={text}"])
+        values = yaml.safe_load(single)["/**/**"]["ros__parameters"]
+        assert given_to_ros(path) == values == {"camera.mount": yaml.safe_load(text)}
+        assert {type(number) for number in given_to_ros(path)["camera.mount"]} == {float}
+        assert {type(number) for number in values["camera.mount"]} == {float}
+    for text, reason in (("[a, 1]", "1 is not"), ("[a, ~]", "None is not"), ("[[a]]", "['a'] is")):
+        path.write_text(f"/**: {{ros__parameters: {{sensors: {{scans: {text}}}}}}}")
+        with pytest.raises(ParameterError) as caught:
+            parameter_file_for_ros([path])
+        wrong = f"parameter 'sensors.scans': {reason}"
+        assert str(caught.value).startswith(f"parameter file {path}: {wrong}")
+        with pytest.raises(ParameterError) as caught:
+            assignments_for_ros([f"sensors.scans:={text}"])
+        assert str(caught.value).startswith(wrong)
+
+
 @pytest.mark.parametrize("text", ["seed=4", "seed", ":=4", "seed:=[1"])
 def test_bad_assignments_are_refused(text: str) -> None:
     """With the text in the sentence."""
