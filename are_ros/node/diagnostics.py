@@ -196,6 +196,8 @@ def _verdict(entry: InputSnapshot, active_s: float) -> tuple[Level, str]:
 
 def _nothing_yet(entry: InputSnapshot, active_s: float) -> tuple[Level, str]:
     if not entry.is_required:
+        if active_s >= GRACE_S and _is_mistyped(entry):
+            return Level.WARN, f"no message yet{_why_nothing(entry)}"
         is_silent = entry.publishers and not entry.is_latched and not _is_new(entry)
         why = _why_nothing(entry) if is_silent else "; the node works without"
         return Level.OK, f"no message yet{why}"
@@ -207,9 +209,16 @@ def _nothing_yet(entry: InputSnapshot, active_s: float) -> tuple[Level, str]:
 def _why_nothing(entry: InputSnapshot) -> str:
     if not entry.publishers:
         return f": nobody publishes {entry.topic}"
+    if entry.mistyped:
+        return f": {entry.topic} is published as {entry.mistyped}"
     publishers = counted(entry.publishers, "publisher")
     asked = f"is its QoS compatible (the node asks for {entry.asked})?"
     return f", though {entry.topic} has {publishers}; {asked}"
+
+
+def _is_mistyped(entry: InputSnapshot) -> bool:
+    """Tell whether its publishers have sent another type for so long that it is meant so."""
+    return bool(entry.mistyped) and not _is_new(entry)
 
 
 def _is_new(entry: InputSnapshot) -> bool:
@@ -218,10 +227,14 @@ def _is_new(entry: InputSnapshot) -> bool:
 
 
 def input_doubts(snapshot: NodeSnapshot) -> list[str]:
-    """Return a sentence for each required input of which nothing has come for a while."""
+    """Return a sentence for each input of which nothing comes, though it is required or published.
+
+    Of those that are not required only such as are published as another type are told.
+    """
     if snapshot.active_s < GRACE_S:
         return []
     lacking = [one for one in _lacking(snapshot) if not _is_new(one)]
+    lacking += [one for one in snapshot.inputs if _is_mistyped(one) and not one.is_required]
     return [f"no message of {one.topic} yet{_why_nothing(one)}" for one in lacking]
 
 

@@ -143,10 +143,12 @@ class _Offer(NamedTuple):
     """Reliably."""
 
 
-def _offers(node: Node, topic: str) -> list[_Offer]:
-    """Return what each publisher of a topic offers."""
+def _offers(node: Node, topic: str, type_name: str) -> list[_Offer]:
+    """Return what each publisher of a topic offers; those of other types cannot be heard."""
     found = []
     for endpoint in node.get_publishers_info_by_topic(node.resolve_topic_name(topic)):
+        if endpoint.topic_type != type_name:
+            continue
         profile = endpoint.qos_profile
         is_reliable = profile.reliability == ReliabilityPolicy.RELIABLE
         is_latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
@@ -183,7 +185,8 @@ class InputSubscription:
 
     def follow(self) -> None:
         """Subscribe anew if the publishers of an input that follows them offer it otherwise."""
-        offers = _offers(self._node, self.topic) if self._follows else []
+        kind = input_type(self._role, self.topic)
+        offers = _offers(self._node, self.topic, kind) if self._follows else []
         if not offers:
             return
         entry, before = INPUTS[self._role], self._profile()

@@ -34,6 +34,7 @@ from are_ros.node.watches import InputSnapshot, InputWatch
 from are_ros.parameters.declaration import with_values
 from are_ros.parameters.model import INFO_MARK, Parameters, SensorsParameters
 from are_ros.parameters.validation import validated
+from are_ros.wording import listed
 
 # Messages as DDS delivers them, and their decoding.
 
@@ -155,7 +156,9 @@ class Subscriptions:
         players = list(self.roles.values())
         for topic, role in self.roles.items():
             is_one_of_several = players.count(role) > 1
-            yield self.watches[topic].snapshot(
+            watch, publishers = self.watches[topic], self._node.count_publishers(topic)
+            is_silent = publishers > 0 and not watch.count
+            yield watch.snapshot(
                 now_ns,
                 f"{role}{topic}" if is_one_of_several else role,
                 topic,
@@ -163,8 +166,9 @@ class Subscriptions:
                 is_latched=INPUTS[role].is_latched
                 or self._subscriptions[topic].is_latched
                 or role in _COME_ONCE,
-                publishers=self._node.count_publishers(topic),
+                publishers=publishers,
                 asked=self._asked_of(topic),
+                mistyped=self._mistyped(topic, role) if is_silent else "",
             )
 
     def _asked_of(self, topic: str) -> str:
@@ -172,6 +176,12 @@ class Subscriptions:
         profile = self._subscriptions[topic].subscription.qos_profile
         policies = profile.reliability, profile.durability
         return ", ".join(policy.name.lower().replace("_", " ") for policy in policies)
+
+    def _mistyped(self, topic: str, role: str) -> str:
+        """Return what its publishers send, and what it is not; "" where one sends what is meant."""
+        known = {one.topic_type for one in self._node.get_publishers_info_by_topic(topic)}
+        wanted = input_type(role, topic)
+        return "" if not known or wanted in known else f"{listed(sorted(known))}, not {wanted}"
 
     def close(self) -> None:
         """Unsubscribe from all inputs."""

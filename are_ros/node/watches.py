@@ -324,6 +324,8 @@ class InputSnapshot:
     """For so long there has been a publisher."""
     asked: str = ""
     """What is asked of the QoS of its publishers, as "reliable, transient local"."""
+    mistyped: str = ""
+    """What all its publishers send in place of its type, as "std_msgs/msg/String, not ..."."""
 
     @property
     def rate_hz(self) -> float | None:

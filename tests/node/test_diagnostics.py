@@ -121,6 +121,21 @@ def test_a_required_input_that_never_came() -> None:
     assert message == f"no message for 8 s, {doubt}"
 
 
+def test_an_input_that_is_published_as_another_type() -> None:
+    """Nothing of it can ever come, whatever the QoS: a warning after a while, also in the log."""
+    types = "std_msgs/msg/String, not sensor_msgs/msg/LaserScan"
+    wrong = replace(NO_SCAN, publishers=1, published_s=5.0, mistyped=types)
+    said = f": /scan is published as {types}"
+    assert of_input(wrong, 5.0) == (Level.WARN, f"no message yet{said}")
+    assert of_input(wrong, 4.9)[0] is of_input(replace(wrong, published_s=4.9))[0] is Level.OK
+    active = replace(WELL, inputs=(wrong,), active_s=5.0)
+    assert input_doubts(active) == [f"no message of /scan yet{said}"]
+    assert input_doubts(replace(active, inputs=(replace(wrong, published_s=4.9),))) == []
+    required = replace(wrong, is_required=True)
+    assert of_input(required, 8.0) == (Level.ERROR, f"no message for 8 s{said}")
+    assert input_doubts(replace(active, inputs=(required,))) == [f"no message of /scan yet{said}"]
+
+
 def test_the_log_says_that_the_node_falls_behind() -> None:
     """In a sentence without numbers, so that it is logged once."""
     assert load_doubt(replace(WELL, ticks=None)) == load_doubt(WELL) == ""

@@ -2,6 +2,8 @@
 
 import time
 from collections.abc import Callable
+from contextlib import closing
+from functools import partial
 from typing import Any, Final
 
 import pytest
@@ -12,6 +14,8 @@ pytest.importorskip("rclpy", reason=NOT_SET_UP)
 
 from nav_msgs.msg import OccupancyGrid
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import CompressedImage, Image
+from std_msgs.msg import String
 
 from are_ros.conventions import NS_PER_S
 from are_ros.node.diagnostics import WITHOUT_CLOCK
@@ -188,6 +192,35 @@ def test_of_a_map_that_is_offered_otherwise_is_told_what_is_asked_for(
     level, message = said(bench, "inputs/map")
     assert level == ERROR
     assert message.endswith(f"QoS compatible (the node asks for {asked})?")
+
+
+def test_what_is_published_as_another_type_is_told(make_bench: MakeBench, later: Later) -> None:
+    """Of an image its name tells whether it is compressed. With the right type it is as ever."""
+    images = {"sensors.images": ["/colour"]}
+    bench = make_bench(images, "configure", "activate")
+    made = [
+        bench.user.create_publisher(CompressedImage, "/colour", 1),
+        bench.user.create_publisher(String, "/map", 1),
+    ]
+    for one in made:
+        bench.until(partial(bench.node.count_publishers, one.topic_name))
+    bench.report()
+    later(5.5)
+    image, grid = "sensor_msgs/msg/Image", "nav_msgs/msg/OccupancyGrid"
+    compressed = f": /colour is published as sensor_msgs/msg/CompressedImage, not {image}"
+    assert said(bench, "inputs/image") == (WARN, f"no message yet{compressed}")
+    level, message = said(bench, "inputs/map")
+    assert level == ERROR
+    assert message.endswith(f": /map is published as std_msgs/msg/String, not {grid}")
+    logged = bench.warnings()
+    assert f"no message of /colour yet{compressed}" in logged
+    assert f"no message of /map yet: /map is published as std_msgs/msg/String, not {grid}" in logged
+    with closing(RosWorld()) as others:
+        others.make_node().create_publisher(Image, "/colour", 1)
+        bench.until(lambda: bench.node.count_publishers("/colour") > 1)
+        level, message = said(bench, "inputs/image")
+    assert level == OK
+    assert "QoS compatible" in message
 
 
 def test_a_map_of_which_none_is_of_use_is_an_error(make_bench: MakeBench) -> None:

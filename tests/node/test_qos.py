@@ -1,5 +1,6 @@
 """How topics are asked for and offered, against the tables of the design."""
 
+from contextlib import closing
 from functools import partial
 from typing import Any
 
@@ -258,6 +259,18 @@ def test_what_is_usually_latched_comes_also_from_publishers_that_do_not(
     found.append(subscription.is_latched)
     ros.spin_until(lambda: len(received) == 2)
     assert found == [False, True]
+
+
+def test_publishers_of_another_type_are_not_followed(ros: RosWorld) -> None:
+    """Nobody can hear them: beside one, what was latched still comes."""
+    node = ros.make_node("ar_builder")
+    subscription = InputSubscription(node, "octomap_point_cloud_centers", lambda _: None, "/some")
+    with closing(RosWorld()) as others:  # a participant of DDS has one type of a topic
+        kind = message_class("std_msgs/msg/String")
+        others.make_node("other").create_publisher(kind, "/some", 10)
+        ros.spin_until(partial(has_publishers, node, "/some", 1))
+        subscription.follow()
+    assert subscription.is_latched
 
 
 FOLLOWING = ["map", "tf_static", "octomap_point_cloud_centers"]
