@@ -295,12 +295,40 @@ def test_a_single_value_goes_before_all_files(ros_available: None, tmp_path: Pat
     assert "-3" in done.stderr.splitlines()[-1]
 
 
-def test_the_node_has_one_namespace(ros_available: None) -> None:
-    """Two are refused; ROS would take one of them in silence."""
+@pytest.mark.parametrize(
+    ("command", "rule", "status"),
+    [
+        ("node", "__ns:=/b", 2),
+        ("node", "ar_builder:__ns:=/b", 2),
+        ("guard", "__ns:=/b", 2),
+        ("guard", "ar_guard:__ns:=/b", 2),
+        ("guard", "ar_builder:__ns:=/b", 0),
+    ],
+)
+def test_a_node_has_one_namespace(
+    ros_available: None, monkeypatch: pytest.MonkeyPatch, command: str, rule: str, status: int
+) -> None:
+    """Two are refused; ROS would take one of them in silence. A rule for another node is no use."""
     del ros_available
-    done = run_process("node", "--namespace", "a", "--ros-args", "-r", "__ns:=/b")
-    assert done.returncode == 2
-    assert "--namespace and __ns:= are both given" in done.stderr
+    for program in ("are_ros.node.startup.main", "are_ros.node.guard.main"):
+        monkeypatch.setattr(program, lambda _: 0)
+    words = [command, "--namespace", "a", "--ros-args", "-r", rule]
+    done = CliRunner().invoke(are, words)
+    assert done.exit_code == status
+    assert ("--namespace and __ns:= are both given" in done.stderr) == (status == 2)
+
+
+def test_a_file_is_for_the_namespace_to_which_ros_remaps(
+    ros_available: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """By a rule for all nodes, or for ours."""
+    del ros_available
+    monkeypatch.setattr("are_ros.node.startup.main", lambda _: 0)
+    file = tmp_path / "b.yaml"
+    file.write_text("/b/ar_builder: {ros__parameters: {seed: 5}}", encoding="utf-8")
+    for rule, status in (("__ns:=/b", 0), ("ar_builder:__ns:=/b", 0), ("other:__ns:=/b", 1)):
+        words = ["node", "--params", str(file), "--ros-args", "-r", rule]
+        assert CliRunner().invoke(are, words).exit_code == status
 
 
 def test_a_process_of_its_own_replays(tmp_path: Path) -> None:

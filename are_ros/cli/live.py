@@ -52,10 +52,7 @@ def node(
     from are_ros.parameters.ros_yaml import assignments_for_ros, parameter_file_for_ros
 
     _check_ros_args(ros_args)
-    remapped = [word.partition("__ns:=")[2] for word in ros_args if word.startswith("__ns:=")]
-    if namespace and remapped:
-        raise click.UsageError("--namespace and __ns:= are both given: one of them is enough")
-    home = namespace or (remapped[0] if remapped else "")
+    home = _namespace(namespace, ros_args, "ar_builder")
     last = assignments_for_ros(assignments) if assignments else ""
     first = parameter_file_for_ros(parameter_files, home) if parameter_files else ""
     with TemporaryDirectory(prefix="ar_builder_") as folder:
@@ -80,6 +77,19 @@ def _check_ros_args(ros_args: tuple[str, ...]) -> None:
     if ros_args and ros_args[0] != "--ros-args":
         message = f"'{ros_args[0]}' is no option of it; what is for ROS follows --ros-args"
         raise click.UsageError(message)
+
+
+def _namespace(namespace: str | None, ros_args: tuple[str, ...], node_name: str) -> str:
+    """Return the namespace of a node: that of the option, or that to which ROS is to remap it.
+
+    A usage error where both are given.
+    """
+    rules = [word.partition("__ns:=") for word in ros_args]
+    own = ("", f"{node_name}:")
+    remapped = [home for whose, mark, home in rules if mark and whose in own]
+    if namespace and remapped:
+        raise click.UsageError("--namespace and __ns:= are both given: one of them is enough")
+    return namespace or (remapped[0] if remapped else "")
 
 
 def _ros_words(namespace: str | None, *, use_sim_time: bool) -> list[str]:
@@ -108,6 +118,7 @@ def guard(namespace: str | None, ros_args: tuple[str, ...]) -> None:
     from are_ros.node.guard import main as run_guard
 
     _check_ros_args(ros_args)
+    _namespace(namespace, ros_args, "ar_guard")
     given = _ros_words(namespace, use_sim_time=False)
     sys.exit(run_guard(["--ros-args", *given, "--", *ros_args]))
 
