@@ -16,7 +16,7 @@ from are_ros import cli
 from are_ros._version import __version__
 from are_ros.bag.roles import ROLE_TYPES
 from are_ros.cli import are, main
-from are_ros.errors import BagError, missing_packages
+from are_ros.errors import BagError, NodeError, missing_packages
 
 PROJECT = Path(__file__).resolve().parents[1]
 SAMPLE = PROJECT / "bags" / "sample_office.mcap"
@@ -316,6 +316,20 @@ def test_a_node_has_one_namespace(
     done = CliRunner().invoke(are, words)
     assert done.exit_code == status
     assert ("--namespace and __ns:= are both given" in done.stderr) == (status == 2)
+
+
+def test_where_nothing_can_be_written_the_node_starts_without_values(
+    ros_available: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """As in a container whose file system is read-only; with values that is said."""
+    del ros_available
+    monkeypatch.setattr("are_ros.node.startup.main", lambda _: 0)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "none"))
+    assert CliRunner().invoke(are, ["node"]).exit_code == 0
+    refused = CliRunner().invoke(are, ["node", "--set", "seed:=3"]).exception
+    assert isinstance(refused, NodeError)
+    why = "in a temporary file: no such file or directory; set TMPDIR to a folder"
+    assert why in str(refused)
 
 
 def test_a_file_is_for_the_namespace_to_which_ros_remaps(

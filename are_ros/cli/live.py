@@ -1,6 +1,7 @@
 """The commands of `are` that need ROS 2: node, guard, play, record and demo."""
 
 import sys
+from contextlib import ExitStack
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -23,6 +24,7 @@ from are_ros.cli.options import (
     start_option,
 )
 from are_ros.errors import NodeError
+from are_ros.wording import why_refused
 
 _PASSED_ON = {"ignore_unknown_options": True, "allow_extra_args": True}
 _RATE = Amount("factor", 0.001, 1e6)
@@ -55,21 +57,28 @@ def node(
     home = _namespace(namespace, ros_args, "ar_builder")
     last = assignments_for_ros(assignments) if assignments else ""
     first = parameter_file_for_ros(parameter_files, home) if parameter_files else ""
-    with TemporaryDirectory(prefix="ar_builder_") as folder:
+    with ExitStack() as files:
         # The last one counts: a single value goes before all files, those of ROS's own, too.
-        before, after = (
-            _params_file(Path(folder, f"{name}.yaml"), text)
-            for name, text in (("files", first), ("values", last))
-        )
+        before, after = (_params_file(files, text) for text in (first, last))
         given = _ros_words(namespace, use_sim_time=use_sim_time)
         sys.exit(run_node(["--ros-args", *before, "--", *ros_args, "--ros-args", *after, *given]))
 
 
-def _params_file(path: Path, text: str) -> list[str]:
-    """Write a parameter file, and return the words that name it to ROS; none for no text."""
+def _params_file(files: ExitStack, text: str) -> list[str]:
+    """Write a parameter file that ends with `files`, and return the words that name it to ROS.
+
+    There are none for no text. Raises NodeError where nothing can be written.
+    """
     if not text:
         return []
-    path.write_text(text, encoding="utf-8")
+    try:
+        path = Path(files.enter_context(TemporaryDirectory(prefix="ar_builder_")), "values.yaml")
+        path.write_text(text, encoding="utf-8")
+    except OSError as cause:
+        raise NodeError(
+            f"the parameters cannot be handed to ROS in a temporary file: {why_refused(cause)}; "
+            "set TMPDIR to a folder that can be written"
+        ) from cause
     return ["--params-file", str(path)]
 
 
