@@ -19,7 +19,7 @@ from are_ros.errors import AreError, CatalogueError, NodeError, ParameterError
 from are_ros.messages.sensors import MINIATURES
 from are_ros.messages.tick_encoding import offered_outputs
 from are_ros.node.diagnostics import Reporter
-from are_ros.node.heartbeat import offer_heartbeat
+from are_ros.node.heartbeat import listen_for_relief, offer_heartbeat
 from are_ros.node.live_builder import LiveBuilder
 from are_ros.node.message_classes import message_class
 from are_ros.node.parameters import ParameterBridge
@@ -92,6 +92,7 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         self._effective = advertise(self, EFFECTIVE_TYPE, f"~/{EFFECTIVE_TOPIC}", latched)
         self._is_blind, self._is_only_mapped = Lasting(_STAND_IN_S), Lasting(GRACE_S)
         self._stand_in = ""
+        listen_for_relief(self, self._repeat_maps)
         self._busy = CallbackTimer()
         self._hangs: Watchdog | None = None
         self._wakes_ns: int | None = None
@@ -347,6 +348,11 @@ class ArBuilderNode(LifecycleNode):  # type: ignore[misc] # rclpy is only partly
         is_only_map_offered = self._is_active and not is_offered and subscriptions.is_offered("map")
         if self._is_only_mapped.see(now_ns, holds=is_only_map_offered) and self._stand_in:
             self._say(f"nobody publishes CameraInfo: {self._stand_in}")
+
+    def _repeat_maps(self) -> None:
+        """Send the last maps again: the guard took this process for dead, and stood in."""
+        if self._outputs is not None:
+            self._outputs.repeat_maps()
 
     def _set_paused(self, is_paused: bool) -> str:
         if self.live is None or is_paused == self._is_paused:

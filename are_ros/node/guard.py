@@ -15,14 +15,19 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
 from are_ros.errors import AreError, NodeError
-from are_ros.node.heartbeat import HEARTBEAT, HEARTBEAT_TYPE, heartbeat_qos
+from are_ros.node.heartbeat import (
+    GUARDED_MAPS,
+    HEARTBEAT,
+    HEARTBEAT_TYPE,
+    heartbeat_qos,
+    offer_relief,
+)
 from are_ros.node.message_classes import message_class
 from are_ros.node.startup import executor_of, fatal, ros_context, stop_on_signals
 
 NAME: Final = "ar_guard"
 _GUARDED: Final = "ar_builder"
 _MAP_TYPE: Final = "nav_msgs/msg/OccupancyGrid"
-_MAPS: Final = ("augmented_map", "artefact_map")
 _LATCHED: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _AS_IT_COMES: Final = QoSProfile(depth=1)
 """Of maps that nobody latches."""
@@ -39,7 +44,8 @@ class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
     """Publishes the real map, and an empty artefact map, when the node was killed.
 
     Until the node is back, later real maps follow; then the guard's own are withdrawn, so that they
-    never reach anybody beside the node's. NodeError where the middleware tells no liveliness.
+    never reach anybody beside the node's, and the node sends its own again: it may only have been
+    stopped for a while. NodeError where the middleware tells no liveliness.
     """
 
     def __init__(self, node_name: str = NAME, **options: Any) -> None:
@@ -48,6 +54,7 @@ class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
         self._is_standing_in = False
         grid = self._grid = message_class(_MAP_TYPE)
         self._publishers_of_maps = self._advertise()
+        self._relief = offer_relief(self, _GUARDED)
         # Without a callback rclpy warns of a map that another subscription gets.
         events = SubscriptionEventCallbacks(incompatible_qos=lambda _: None)
         for profile in (_LATCHED, _AS_IT_COMES, _BY_BEST_EFFORT):
@@ -79,7 +86,7 @@ class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
         """Advertise the node's maps early, so that subscribers are matched when they are needed."""
         return {
             name: self.create_publisher(self._grid, f"{_GUARDED}/{name}", _LATCHED)
-            for name in _MAPS
+            for name in GUARDED_MAPS
         }
 
     def _take_heartbeat(self, event: Any) -> None:
@@ -115,13 +122,14 @@ class Guard(Node):  # type: ignore[misc] # rclpy is only partly typed
         self.get_logger().info("the real map is published, and an empty artefact map")
 
     def _step_back(self) -> None:
-        """Withdraw the guard's publishers when the node is back."""
+        """Withdraw the guard's publishers when the node is back, and tell it."""
         if not self._is_standing_in:
             return
         self._is_standing_in = False
         for publisher in self._publishers_of_maps.values():
             self.destroy_publisher(publisher)
         self._publishers_of_maps = self._advertise()
+        self._relief.publish(message_class(HEARTBEAT_TYPE)())
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

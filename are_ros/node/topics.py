@@ -28,6 +28,7 @@ from are_ros.messages.transforms import (
     read_odometry_numbers,
     read_transforms,
 )
+from are_ros.node.heartbeat import GUARDED_MAPS
 from are_ros.node.message_classes import message_class
 from are_ros.node.qos import INPUTS, InputSubscription, advertise, input_type
 from are_ros.node.watches import InputSnapshot, InputWatch
@@ -260,6 +261,7 @@ class Publishers:
         self._node = node
         self._publishers: dict[str, Any] = {}
         self._viewers = 0
+        self._last: dict[str, bytes] = {}
         types = {name: output.type_name for name, output in outputs.items()}
         types |= SensorOutputs(roles, sensors).types
         try:
@@ -288,6 +290,13 @@ class Publishers:
         publisher = self._publishers.get(name)
         if publisher is not None:
             publisher.publish(data)
+            if name in GUARDED_MAPS:
+                self._last[name] = data
+
+    def repeat_maps(self) -> None:
+        """Publish the last maps again: the guard has put others in their place."""
+        for name, data in self._last.items():
+            self._publishers[name].publish(data)
 
     def flush(self, timeout_s: float) -> list[str]:
         """Wait until reliable subscribers have acknowledged all messages, at most this long.
@@ -306,6 +315,7 @@ class Publishers:
         for publisher in self._publishers.values():
             self._node.destroy_publisher(publisher)
         self._publishers.clear()
+        self._last.clear()
 
     def _advertise(self, name: str, type_name: str, say: Callable[[str], None]) -> None:
         try:

@@ -296,6 +296,28 @@ def test_the_guard_gives_the_real_map_back(
     assert guard.end(SOON_S) == 0
 
 
+def test_a_node_that_the_guard_took_for_dead_gets_its_maps_back(
+    ros: RosWorld, start: Start, guard: Process, catalogue_file: Path
+) -> None:
+    """It was stopped, and knows of nothing; nothing moves that would make it send them again."""
+    process = start({**QUIET, "catalogue": str(catalogue_file), "costmap.gate": "all"})
+    user = ros.make_node("user")
+    maps, artefacts = (collect(ros, user, name) for name in ("augmented_map", "artefact_map"))
+    publish(user, "map", room())
+    process.wait_for(READY)
+    guard.wait_for("/ar_builder runs, and is guarded")
+    ros.spin_until(lambda: maps)
+    spawn(ros, user, pose_at(2.05, 2.05))
+    ros.spin_until(lambda: artefacts and artefacts[-1].data.tolist().count(100) == 25)
+    augmented = maps[-1].data
+    process.signal(signal.SIGSTOP)
+    guard.wait_for("/ar_builder was killed")
+    ros.spin_until(lambda: not any(artefacts[-1].data) and maps[-1].data == room().data)
+    process.signal(signal.SIGCONT)
+    ros.spin_until(lambda: artefacts[-1].data.tolist().count(100) == 25)
+    ros.spin_until(lambda: maps[-1].data == augmented)
+
+
 @pytest.fixture
 def heart() -> Iterator[Callable[[], Process]]:
     """Return what starts the heartbeat of a node; none is left behind."""
