@@ -2,7 +2,9 @@
 
 import csv
 import math
+from bisect import bisect_left
 from collections import Counter, deque
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -13,7 +15,7 @@ from are_ros.bag.decoded import Sighting
 from are_ros.bag.recording import PREFIX
 from are_ros.builder.sensors.point_cloud import PointCloud
 from are_ros.errors import BagError, FrameError, InputError
-from are_ros.export.truth import Interval, TruthReader, chosen_topic
+from are_ros.export.truth import Interval, TrueTick, TruthReader, chosen_topic
 from are_ros.messages.sensors import read_cloud
 from are_ros.replay.progress import OpenProgress
 from are_ros.wording import counted, why_refused
@@ -29,8 +31,11 @@ _TYPES: Final = {"person": "Pedestrian", "car": "Car"}
 _FULLY, _PARTLY = 0.8, 0.4
 """From these visible fractions on an object is fully visible (0), partly occluded (1); else 2."""
 _UNKNOWN: Final = 3
-_Placed = tuple[PointCloud, RigidTransform, RigidTransform, PinholeView, str]
+_Placed = tuple[RigidTransform, RigidTransform, PinholeView, str]
+"""map_from_sensor, map_from_camera, what the camera sees, its name."""
 _NEAR_M: Final = 0.05
+_KEPT_TICKS: Final = 200
+"""So many ticks are kept for clouds that come late, as those of a slow driver."""
 _WITHOUT_TRUTH: Final = "for before or after it nothing is known of the artefacts"
 _EDGES: Final = tuple((a, b) for a in range(8) for b in range(a + 1, 8) if (a ^ b).bit_count() == 1)
 
@@ -90,31 +95,14 @@ def export_kitti(recording: Path, folder: Path, open_progress: OpenProgress, clo
     known = [topic for topic in reader.outputs(_CLOUD) if topic != PREFIX + "augmented_octomap"]
     without = f"{recording} has no augmented cloud (sensors.clouds)"
     topic = chosen_topic(known, cloud, "--kitti", "--cloud", without)
-    waiting: deque[_Placed] = deque()
-    left_out: Counter[str] = Counter()
-
-    def take(message: Any) -> None:
-        try:
-            waiting.append(_placed(reader, read_cloud(message, topic)))
-        except InputError as cause:
-            left_out[str(cause)] += 1
-        except FrameError:
-            left_out["the pose of its sensor or of the camera is not known"] += 1
-
-    writer, before = KittiWriter(folder), None
+    clouds, writer = _Clouds(reader, topic), KittiWriter(folder)
     try:
-        for tick in reader.read(open_progress, {topic: take}):
-            while waiting and waiting[0][0].stamp_ns <= tick.scene.stamp_ns:
-                one = waiting.popleft()
-                if before is None or one[0].stamp_ns < before.scene.stamp_ns:
-                    left_out[_WITHOUT_TRUTH] += 1
-                else:
-                    _add(writer, Interval(before, tick), *one)
-            before = tick
+        for tick in reader.read(open_progress, {topic: clouds.take}):
+            for interval, one, placed in clouds.due(tick):
+                _add(writer, interval, one, *placed)
     except OSError as cause:
         raise BagError(f"--kitti {folder}: {why_refused(cause)}") from cause
-    left_out[_WITHOUT_TRUTH] += len(waiting)
-    reasons = [f"{count} left out, {why}" for why, count in left_out.items() if count]
+    reasons = [f"{count} left out, {why}" for why, count in clouds.all_left_out().items()]
     if not writer.frames:
         raise BagError(
             f"--kitti: no cloud can be written ({'; '.join((*reasons, *reader.left_out))}); "
@@ -124,25 +112,67 @@ def export_kitti(recording: Path, folder: Path, open_progress: OpenProgress, clo
     return f"kitti: {folder} ({'; '.join((', '.join(words), *reasons, *reader.left_out))})"
 
 
-def _placed(reader: TruthReader, cloud: PointCloud) -> _Placed:
-    """Return a cloud with the poses of its sensor and of the camera, what that sees, its name.
+class _Clouds:
+    """Clouds that wait for the ticks before and after them, and for what tells where they are."""
 
-    Raises InputError before the first CameraInfo, FrameError where a pose is not known.
+    def __init__(self, reader: TruthReader, topic: str) -> None:
+        self._reader, self._topic = reader, topic
+        self._waiting: deque[tuple[PointCloud, _Placed | str]] = deque()
+        self._ticks: deque[TrueTick] = deque(maxlen=_KEPT_TICKS)
+        self._left_out: Counter[str] = Counter()
+
+    def take(self, message: Any) -> None:
+        """Take a cloud; one that cannot be read is left out."""
+        try:
+            cloud = read_cloud(message, self._topic)
+        except InputError as cause:
+            self._left_out[str(cause)] += 1
+        else:
+            self._waiting.append((cloud, _placed(self._reader, cloud)))
+
+    def due(self, tick: TrueTick) -> Iterator[tuple[Interval, PointCloud, _Placed]]:
+        """Take a tick; yield the clouds from before it that can be written, with their ticks."""
+        self._ticks.append(tick)
+        while self._waiting and self._waiting[0][0].stamp_ns <= tick.scene.stamp_ns:
+            cloud, found = self._waiting.popleft()
+            if isinstance(found, str):  # what lacked may have come meanwhile
+                found = _placed(self._reader, cloud)
+            after = bisect_left(self._ticks, cloud.stamp_ns, key=lambda one: one.scene.stamp_ns)
+            if isinstance(found, str):
+                self._left_out[found] += 1
+            elif not 0 < after < len(self._ticks):
+                self._left_out[_WITHOUT_TRUTH] += 1
+            else:
+                yield Interval(self._ticks[after - 1], self._ticks[after]), cloud, found
+
+    def all_left_out(self) -> Counter[str]:
+        """Return how many clouds were left out, by the reason; at the end, those that wait, too."""
+        lack = (one if isinstance(one, str) else _WITHOUT_TRUTH for _, one in self._waiting)
+        return self._left_out + Counter(lack)
+
+
+def _placed(reader: TruthReader, cloud: PointCloud) -> _Placed | str:
+    """Return where a cloud's sensor and the camera are, by what was read until now.
+
+    Before the first CameraInfo, and where a pose is not known, return the reason.
     """
     camera, frames = reader.robot.camera, reader.robot.tree
     if camera is None:
-        raise InputError("there was no CameraInfo yet")
+        return "there was no CameraInfo yet"
     if not isinstance(camera.view, PinholeView):
         raise BagError(
             "--kitti: KITTI knows flat images only; the camera is a fisheye, or sees all around"
         )
     map_frame = reader.parameters.frames.map
     frame = camera.frame_id or reader.robot.base_frame()
-    map_from_sensor = frames.lookup(map_frame, cloud.frame_id, cloud.stamp_ns)
-    map_from_camera = frames.lookup(map_frame, frame, cloud.stamp_ns)
+    try:
+        map_from_sensor = frames.lookup(map_frame, cloud.frame_id, cloud.stamp_ns)
+        map_from_camera = frames.lookup(map_frame, frame, cloud.stamp_ns)
+    except FrameError:
+        return "the pose of its sensor or of the camera is not known"
     if not camera.frame_id:
         map_from_camera = map_from_camera @ camera.base_from_optical
-    return cloud, map_from_sensor, map_from_camera, camera.view, camera.name
+    return map_from_sensor, map_from_camera, camera.view, camera.name
 
 
 def _add(

@@ -310,6 +310,25 @@ def test_labels_of_kitti_are_of_one_camera(
     assert bool(found) == bool(levels)
 
 
+@pytest.mark.parametrize("late", [frozenset({AUGMENTED}), frozenset({"/tf"})])
+def test_what_is_recorded_late_is_in_the_set_of_kitti(
+    cloud_replay: Path, run_are: RunAre, tmp_path: Path, late: frozenset[str]
+) -> None:
+    """Clouds of a slow driver after their ticks, or transforms after the clouds: all the same."""
+    tape = Tape.of(cloud_replay)
+    moved = [(at + 500_000_000 * (topic in late), topic, data) for at, topic, data in tape.entries]
+    entries = tuple(sorted(moved, key=lambda entry: entry[0]))
+    run = replace(tape, entries=entries).write(tmp_path / "run")
+    files = []
+    for name, recording in (("prompt", cloud_replay), ("late", run)):
+        folder = tmp_path / name
+        assert run_are("export", recording, "--kitti", folder).returncode == 0
+        paths = sorted(path for path in folder.rglob("*") if path.is_file())
+        files.append({str(path.relative_to(folder)): path.read_bytes() for path in paths})
+    assert len(files[0]) > 100
+    assert files[0] == files[1]
+
+
 def test_no_empty_set_of_kitti_is_written(
     cloud_replay: Path, run_are: RunAre, tmp_path: Path
 ) -> None:
