@@ -128,11 +128,7 @@ def gather(
     frames = {topic: role for topic, role in role_of_topic.items() if role in FRAME_ROLES}
     window = Window.of(reader, role_of_topic, options.start_s, options.duration_s)
     begin_ns, end_ns = window.start_ns, window.stop_ns
-    messages = filter(reader.is_expected, reader.messages(topics, begin_ns, end_ns))
-    first = next(messages, None)
-    if first is None:
-        raise BagError(f"{', '.join(topics)}: no scan lies in the time that is to be read")
-    laser = read_scan(reader.deserialize(first), first.topic).frame_id.lstrip("/")
+    laser = _laser_frame(reader, topics, begin_ns, end_ns)
     tree = _frames_of(reader, options, frames, window, progress)
     told = _told_by_odometry(reader, roles.topic("odom"))
     root, is_top = _root(tree, laser, told, options)
@@ -149,6 +145,29 @@ def gather(
     return AlignInput(
         root, topics, tuple(_telling(drive)), (*collector.notices(), *notices), is_top
     )
+
+
+def _laser_frame(reader: BagReader, topics: Collection[str], begin_ns: int, end_ns: int) -> str:
+    """Return the frame of the first scan that is not malformed; a driver's first ones may be.
+
+    BagError where there is no scan; the InputError of the first one where all are malformed.
+    """
+    malformed: InputError | None = None
+    for message in filter(reader.is_expected, reader.messages(topics, begin_ns, end_ns)):
+        scan = _read(reader, message)
+        if isinstance(scan, LaserScan):
+            return scan.frame_id
+        malformed = malformed or scan
+    said = f"{', '.join(topics)}: no scan lies in the time that is to be read"
+    raise malformed or BagError(said)
+
+
+def _read(reader: BagReader, message: BagMessage) -> LaserScan | InputError:
+    """Return the scan of a message, or what is wrong with it."""
+    try:
+        return read_scan(reader.deserialize(message), message.topic)
+    except InputError as error:
+        return error
 
 
 def _longest_drive(placed: list[PlacedScan]) -> tuple[list[PlacedScan], list[str]]:

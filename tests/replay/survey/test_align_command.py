@@ -2,6 +2,7 @@
 
 import math
 import re
+import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -102,7 +103,7 @@ def transform(parent: str, child: str, stamp_ns: int, pose: PlanarPose, turn: An
 def small_bag(tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag) -> Callable[..., Path]:
     """Return a writer of a recording of a drive through the room, odom at (2, 1, 0.5) in it."""
 
-    def write(mount: Any = LEVEL, *, is_turned: bool = False) -> Path:
+    def write(mount: Any = LEVEL, *, is_turned: bool = False, malformed: int = 0) -> Path:
         records: list[tuple[str, int, Any]] = [("/map", 0, make_grid(factory, room()))]
         mounted = transform("base", "laser", 0, PlanarPose(0.0, 0.0, 0.0), mount)
         records.append(("/tf_static", 0, make_transforms(factory, [mounted])))
@@ -121,6 +122,7 @@ def small_bag(tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag) -> C
                 moved = StampedTransform("base", "odom", k * S, tuple(place), tuple(turn))
             records.append(("/tf", k * S, make_transforms(factory, [moved])))
             scan = scan_of(room(), at, k * S, hangs=mount == ROLLED)
+            scan = replace(scan, frame_id="" if k < malformed else scan.frame_id)
             records.append(("/scan", k * S + S // 10, make_scan(factory, scan)))
         return write_bag(tmp_path / "bag.mcap", records)
 
@@ -145,6 +147,21 @@ def test_map_to_odom_is_printed_ready_to_paste(
     again = run_are("align", bag, "--static-tf", option, "--out", picture)
     assert again.returncode == 1
     assert "hang together already" in again.stderr
+
+
+def test_the_first_scans_may_be_malformed(
+    run_are: RunAre, small_bag: Callable[..., Path], tmp_path: Path
+) -> None:
+    """They are left out, with a sentence; where all are, that is the error."""
+    picture = ("--out", tmp_path / "align.png")
+    done = run_are("align", small_bag(malformed=2), *picture)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert_near(line_of(done)[0], 2.0, 1.0, 0.5)
+    assert "2 of 11 scans are refused (/scan: header.frame_id is empty)" in done.stderr
+    shutil.rmtree(tmp_path / "bag")
+    done = run_are("align", small_bag(malformed=11), *picture)
+    assert done.returncode == 1
+    assert "/scan: header.frame_id is empty" in done.stderr
 
 
 def test_odometry_that_tf_hangs_below_the_robot_takes_the_map(
