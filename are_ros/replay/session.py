@@ -350,7 +350,7 @@ def _what_joins(reader: BagReader, builder: ArBuilder, roles: RolesFound) -> str
         return f"see `are inspect BAG`, and give what is missing with {options}"
     return (
         _option_of_odometry(reader, roles, parents, (root_above(map_frame, parents), root))
-        or option_of_poses(reader, roles, map_frame, root, base)
+        or option_of_poses(reader, roles, builder.parameters, map_frame, root, base)
         or f"see `are inspect BAG`, and give {static_tf_option(map_frame, root)}, which `are "
         "align` finds by the scans, or the map's frame with --map-frame"
     )

@@ -67,7 +67,6 @@ from are_ros.replay.timeline import (
 )
 from are_ros.wording import aligned, counted, listed, section, several
 from are_ros.world.transforms.table import TransformSource
-from are_ros.world.transforms.tree import FrameTree
 
 _USUAL: Final = Parameters()
 _SENSOR_ROLES = (*(role for role in SENSORS if role not in BY_NAME), CAMERA)
@@ -210,7 +209,7 @@ def _missing(found: Inspection, parameters: Parameters, *, has_map_file: bool) -
     yield from _other_map_frame(map_topic, map_frame, parameters.frames.map)
     yield from survey.refused
     yield from _unchosen(roles, found.sensors)
-    yield from _missing_pose(survey, map_frame, base_frame, reader, roles, found.tree)
+    yield from _missing_pose(found, parameters, base_frame)
     yield from _turned_round(survey)
     yield from _rings(survey)
     yield from _missing_frames(role_of_topic, frame_ids)
@@ -364,15 +363,9 @@ def _other_map_frame(map_topic: str | None, map_frame: str, world_frame: str) ->
         )
 
 
-def _missing_pose(
-    survey: FrameSurvey,
-    map_frame: str,
-    base_frame: str,
-    reader: BagReader,
-    roles: RolesFound,
-    frames: FrameTree,
-) -> Iterable[str]:
+def _missing_pose(found: Inspection, parameters: Parameters, base_frame: str) -> Iterable[str]:
     """Say what keeps the robot's pose on the map from being known."""
+    reader, roles, survey, map_frame = found.reader, found.roles, found.frames, found.map_frame
     known = ", ".join(survey.frames()) or "none"
     unclear = roles.to_choose(TRANSFORM_ROLES)
     is_joined = bool(base_frame) and map_frame in survey.connected_to(base_frame)
@@ -390,7 +383,7 @@ def _missing_pose(
         )
     elif base_frame not in survey.frames():
         yield f"there is no frame {base_frame}, which frames.base names (frames: {known})"
-    elif joint := "" if is_joined else turned_joint(survey, base_frame, frames):
+    elif joint := "" if is_joined else turned_joint(survey, base_frame, found.tree):
         yield joint
     elif moving := "" if is_joined else survey.moving_beside(base_frame):
         option = static_tf_option(moving, survey.root_of(base_frame))
@@ -398,13 +391,15 @@ def _missing_pose(
             f"nothing joins {base_frame} to {moving}, which moves as the robot does: give the"
             f" transform with {option} (six zeros, if it is the same place)"
         )
-        yield from _missing_pose(survey, map_frame, moving, reader, roles, frames)
+        yield from _missing_pose(found, parameters, moving)
     elif not is_joined:
         beside = ", ".join(sorted(survey.connected_to(base_frame) - {base_frame}))
         others = f", which hangs together with {beside}" if beside else ""
         standing = survey.standing_frame(base_frame)
         is_top = standing == survey.root_of(base_frame)
-        known = option_of_poses(reader, roles, map_frame, standing, base_frame, is_top=is_top)
+        known = option_of_poses(
+            reader, roles, parameters, map_frame, standing, base_frame, is_top=is_top
+        )
         ends = (map_frame, standing) if is_top else (standing, map_frame)
         scans = [one for one in reader.topics if one.type_name in ROLE_TYPES["scan"]]
         has_scan = any(one.is_usable for one in scans)

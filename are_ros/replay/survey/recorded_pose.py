@@ -7,7 +7,6 @@ import numpy as np
 
 from are_ros.bag.reader import BagReader
 from are_ros.bag.roles import RolesFound
-from are_ros.conventions import NS_PER_S
 from are_ros.errors import AreError
 from are_ros.messages.common import read_header, read_pose
 from are_ros.parameters.model import Parameters
@@ -24,10 +23,14 @@ _POSE_TYPES: Final = (
 _NOT_OF_THE_ROBOT: Final = ("initialpose", "goal")
 """Parts of the names of topics with a user's guess where the robot is, and where it is to go."""
 
+_FOR_EVER_NS: Final = 2**62
+"""The clock of the stamps may be quicker than that of the log, as in simulation."""
+
 
 def option_of_poses(
     reader: BagReader,
     roles: RolesFound,
+    parameters: Parameters,
     map_frame: str,
     standing: str,
     base_frame: str,
@@ -37,8 +40,9 @@ def option_of_poses(
     """Return what `are replay` needs to know of the map's place, with its numbers, "" for nothing.
 
     `standing` is the frame of the base's tree that the map is to be joined to, and `is_top` whether
-    it has no parent, so that the map becomes it. One transform stands for the whole recording:
-    that of the middle one of the poses, said with its largest distance from the others.
+    it has no parent, so that the map becomes it. `parameters` have the transforms that are given.
+    One transform stands for the whole recording: that of the middle one of the poses, said with its
+    largest distance from the others.
     """
     topics = [
         topic.name
@@ -54,7 +58,7 @@ def option_of_poses(
     ]
     if not poses:
         return ""
-    tree = _frames(reader, roles)
+    tree = _frames(reader, roles, parameters)
     placed = [
         (topic, pose, standing_from_base)
         for topic, stamp_ns, pose in poses
@@ -93,9 +97,9 @@ def _poses(reader: BagReader, topic: str, frame: str) -> list[tuple[int, RigidTr
     return found
 
 
-def _frames(reader: BagReader, roles: RolesFound) -> FrameTree:
-    """Return all transforms and odometry of a recording."""
-    recorded = RecordedFrames(Parameters(), reader.end_ns - reader.start_ns + NS_PER_S)
+def _frames(reader: BagReader, roles: RolesFound, parameters: Parameters) -> FrameTree:
+    """Return all transforms and odometry of a recording, and the transforms that are given."""
+    recorded = RecordedFrames(parameters, _FOR_EVER_NS)
     chosen = roles.by_topic(FRAME_ROLES)
     for message in reader.messages(chosen):
         recorded.take_message(reader, message, chosen[message.topic])

@@ -824,6 +824,24 @@ def test_recorded_poses_give_the_transform_of_the_map(
     )
 
 
+def test_recorded_poses_go_by_what_is_given_and_by_the_clock_of_the_stamps(
+    tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
+) -> None:
+    """Odometry moves a laser that --static-tf mounts on the base; a simulation 20 times as fast."""
+    records = poses_on_the_map(factory, "/amcl_pose", "map", 3.0)
+    ahead = [
+        StampedTransform("odom", "laser", k * S, (4.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+        for k in range(100)
+    ]
+    records += [("/tf", t.stamp_ns, make_transforms(factory, [t])) for t in ahead]
+    quick = [(topic, at_ns // 20, message) for topic, at_ns, message in records]
+    path = write_bag(tmp_path / "bag.mcap", sorted(quick, key=lambda record: record[1]))
+    given = ("-1 0 0 0 0 0 laser base_link",)
+    (no_pose,) = inspected(path, static_transforms=given, has_map_file=True).missing
+    x_m, y_m = 3.0 - 3.0 * math.cos(0.5), -3.0 * math.sin(0.5)
+    assert f'--static-tf "{x_m:.4f} {y_m:.4f} 0 0.5 0 0 map odom", which is within' in no_pose
+
+
 def test_a_depth_image_without_its_camera_info_is_said(
     tmp_path: Path, factory: RosbagsFactory, write_bag: WriteBag
 ) -> None:
