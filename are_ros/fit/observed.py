@@ -101,6 +101,8 @@ def read_table(path: Path, space: RowSpace) -> ObservedRows:
                 row_of, name = (_label_row, _LABEL) if _LABEL in columns else (_number_row, _ROW)
                 row = row_of(where, cells[columns[name]], space)
                 counts[row] += _count(where, cells[columns[_COUNT]] if _COUNT in columns else "1")
+                if counts[row] > _MOST:
+                    raise InputError(f"{where}: row {row} was counted more than 2^53 times")
     except (OSError, ValueError, csv.Error) as cause:
         raise _unreadable(path, cause) from cause
     return ObservedRows(np.array(counts, dtype=np.int64))

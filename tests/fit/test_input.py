@@ -78,6 +78,7 @@ def test_an_empty_file_has_no_rows_or_is_refused(tmp_path: Path, name: str) -> N
         ("row,count\n1,x\n", ["line 2", "count 'x' is no whole number"]),
         ("row,count\n1,-1\n", ["line 2", "count '-1' is no whole number"]),
         ("row,count\n1,1e300\n", ["line 2", "count 1e300 is above 2^53"]),
+        ("row,count\n1,9e15\n1,9e15\n", ["line 3", "row 1 was counted more than 2^53 times"]),
         ("row,row\n1,2\n", ["line 1", "the column 'row' comes twice"]),
         ("row,count\n1,1\n2\n", ["line 3", "too few columns"]),
         ("1,2\n", ["line 1", "2 columns, but no header names 'row'"]),
