@@ -134,11 +134,10 @@ def export_coco(recording: Path, folder: Path, open_progress: OpenProgress, imag
         count = pairs.writer.finish()
     except OSError as cause:
         raise BagError(f"--coco {folder}: {why_refused(cause)}") from cause
-    said = [f"coco: {folder} ({_summary(len(pairs.writer.images), count)}"]
-    if damaged := pairs.damaged:
-        images = counted(len(damaged), "image")
-        said.append(f"{images} of {topic} left out, the first: {damaged[0]}")
-    return "; ".join((*said, *reader.left_out))
+    left_out = [*pairs.left_out(), *reader.left_out]
+    if not pairs.writer.images:
+        raise BagError(f"--coco: no image can be written ({'; '.join(left_out) or without})")
+    return "; ".join((f"coco: {folder} ({_summary(len(pairs.writer.images), count)}", *left_out))
 
 
 class _Pairs:
@@ -146,8 +145,10 @@ class _Pairs:
 
     def __init__(self, topic: str, writer: CocoWriter) -> None:
         self.writer = writer
-        self.damaged: list[str] = []
+        self._damaged: list[str] = []
         """Why images cannot be read."""
+        self._alone = [0, 0]
+        """How many images, and how many masks, waited for too long."""
         self._topic = topic
         self._images: dict[int, npt.NDArray[np.uint8]] = {}
         self._masks: dict[int, npt.NDArray[np.int32]] = {}
@@ -158,7 +159,7 @@ class _Pairs:
             image = read_colour(message, self._topic)
             self._images[image.stamp_ns] = image.pixels.rgb()
         except InputError as cause:
-            self.damaged.append(str(cause))
+            self._damaged.append(str(cause))
             return
         self._pair(image.stamp_ns)
 
@@ -171,9 +172,27 @@ class _Pairs:
     def _pair(self, stamp_ns: int) -> None:
         if stamp_ns in self._images and stamp_ns in self._masks:
             self.writer.add(stamp_ns, self._images.pop(stamp_ns), self._masks.pop(stamp_ns))
-        for waiting in (self._images, self._masks):
+        both: tuple[dict[int, Any], ...] = self._images, self._masks
+        for k, waiting in enumerate(both):
             if len(waiting) > _WAITING:
                 waiting.pop(min(waiting))
+                self._alone[k] += 1
+
+    def left_out(self) -> list[str]:
+        """Return sentences on what was left out; at the end, what still waits counts, too."""
+        said, damaged = [], self._damaged
+        without_mask = self._alone[0] + len(self._images)
+        without_image = self._alone[1] + len(self._masks) - len(damaged)
+        if damaged:
+            images = counted(len(damaged), "image")
+            said.append(f"{images} of {self._topic} left out, the first: {damaged[0]}")
+        if without_mask:
+            images = counted(without_mask, "image")
+            said.append(f"{images} of {self._topic} without a mask left out")
+        if without_image > 0:
+            masks = counted(without_image, "mask")
+            said.append(f"{masks} without an image of {self._topic} left out")
+        return said
 
 
 def _summary(images: int, annotations: int) -> str:

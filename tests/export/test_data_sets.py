@@ -485,6 +485,28 @@ def test_images_masks_and_boxes_of_coco_fit_together(
         assert (names[one["category_id"]], one["label"]) == (state.class_name, state.label)
 
 
+def test_images_and_masks_that_are_alone_are_told(
+    image_replay: Path, run_are: RunAre, tmp_path: Path
+) -> None:
+    """As where images passed through, or their topic was not recorded; no empty set is left."""
+    tape, image = Tape.of(image_replay), "/ar_builder/camera/image"
+    places = {
+        topic: [k for k, entry in enumerate(tape.entries) if entry[1] == topic]
+        for topic in (image, f"{image}/mask")
+    }
+    images, masks = places[image], places[f"{image}/mask"]
+    alone = len(images) - len(masks) + 3
+    for lacking, status, said in (
+        (masks[:3], 0, f"; {alone} images of {image} without a mask left out\n"),
+        (images, 1, f"({len(masks)} masks without an image of {image} left out)\n"),
+    ):
+        kept = tuple(entry for k, entry in enumerate(tape.entries) if k not in lacking)
+        run = replace(tape, entries=kept).write(tmp_path / f"run {len(lacking)}")
+        done = run_are("export", run, "--coco", tmp_path / f"set {len(lacking)}")
+        assert (done.returncode, done.stderr.endswith(said)) == (status, True), done.stderr
+        assert (tmp_path / f"set {len(lacking)}").exists() == (status == 0)
+
+
 def _scene(stamp_ns: int, arrival_ns: int, class_name: str, x_m: float) -> Scene:
     """Return a tick with the artefact 1."""
     numbers = np.zeros((1, 3))
