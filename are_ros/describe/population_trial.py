@@ -30,6 +30,7 @@ MOST_MEMBERS: Final = 3_000
 
 NO_PLACE, MISFIT = "found no place", "fit nowhere"
 AT_BOUND, ENDLESS = "met a full population", "would never leave"
+_NOBODY: Final = "nobody ever comes with these parameters: there is nothing to plot"
 
 _Floats = npt.NDArray[np.float64]
 
@@ -87,7 +88,7 @@ def run_trial(parameters: Parameters, catalogue: Catalogue, site: Site) -> Trial
     share = staying_share(law.probabilities(), catalogue, site)
     chain = BirthDeath.of(settings, site.area_m2, share)
     if chain.members_per_s <= 0.0 or settings.max_alive == 0:
-        raise ParameterError("nobody ever comes with these parameters: there is nothing to plot")
+        raise ParameterError(_NOBODY)
     population = Population(
         parameters.seed,
         RandomSource(parameters.seed, catalogue.rows, law, settings.group_size),
@@ -98,7 +99,10 @@ def run_trial(parameters: Parameters, catalogue: Catalogue, site: Site) -> Trial
     population.start(0)
     population.set_rates(settings.arrival_rate, site.area_m2, settings.mean_life, 0)
     place = _place_on(site, population, settings.group_radius)
-    return _sampled(chain, population, place, site.misfits)
+    trial = _sampled(chain, population, place, site.misfits)
+    if not len(trial.offers_s):  # before the end of time
+        raise ParameterError(_NOBODY)
+    return trial
 
 
 def _sampled(

@@ -118,12 +118,17 @@ def test_who_never_leaves_is_left_out(parameters_of: ParametersOf, catalogue: Ca
 
 
 @pytest.mark.parametrize(
-    "values", [{"population__arrival_rate": 0.0}, {"population__max_alive": 0}]
+    "values",
+    [
+        {"population__arrival_rate": 0.0},
+        {"population__arrival_rate": 1e-12},
+        {"population__max_alive": 0},
+    ],
 )
 def test_nobody_comes(
     values: dict[str, float], parameters_of: ParametersOf, catalogue: Catalogue
 ) -> None:
-    """What would never end is refused."""
+    """What would never end, or not before the end of time, is refused."""
     with pytest.raises(ParameterError, match="nobody ever comes"):
         _trial(parameters_of(**values), catalogue, Site())
 
