@@ -143,7 +143,8 @@ class Life:
     `footprints` is a track of the box's centre, (x, y, yaw), one pose per change; it is empty for
     a life between two ticks. `heights_m` are those of the ground below, one for each of these
     poses. `left_by` is the cause of the departure. `seen_ns` int64 (M,) are the stamps of the ticks
-    that perceived it. `doings` has one entry per change, the first from its arrival.
+    that perceived it. `doings` has one entry per change, the first from its arrival. `absences_ns`
+    are the [begin, end) in which no tick had it, as while the node paused.
     """
 
     artefact_id: int
@@ -155,6 +156,7 @@ class Life:
     seen_ns: Stamps
     doings: tuple[Doing, ...] = ()
     heights_m: Floats = field(default_factory=lambda: np.zeros(0))
+    absences_ns: tuple[tuple[int, int], ...] = ()
 
     @property
     def is_perceived(self) -> bool:
@@ -162,8 +164,9 @@ class Life:
         return len(self.seen_ns) > 0
 
     def is_present_at(self, t_ns: int) -> bool:
-        """Say whether `t_ns` lies in [arrival, departure)."""
-        return self.arrival_ns <= t_ns and (self.departure_ns is None or t_ns < self.departure_ns)
+        """Say whether `t_ns` lies in [arrival, departure), and in no absence."""
+        lives = self.arrival_ns <= t_ns and (self.departure_ns is None or t_ns < self.departure_ns)
+        return lives and not any(begin <= t_ns < end for begin, end in self.absences_ns)
 
     def is_perceived_at(self, stamp_ns: int) -> bool:
         """Say whether the tick of this very stamp perceived it."""
@@ -283,6 +286,8 @@ class SceneRecord:
         if len(life.footprints):
             is_there = stamps_ns >= life.arrival_ns
             is_there &= life.departure_ns is None or stamps_ns < life.departure_ns
+            for begin_ns, end_ns in life.absences_ns:
+                is_there &= (stamps_ns < begin_ns) | (stamps_ns >= end_ns)
         stamps_ns, poses = stamps_ns[is_there], poses[is_there]
         boxes = life.footprints_at(stamps_ns)
         dx_m, dy_m, turns_rad = (boxes - poses).T

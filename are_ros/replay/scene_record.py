@@ -66,6 +66,8 @@ class _LifeRecorder:
     last_pose: GroundPose | None = None
     seen_ns: "array[int]" = field(default_factory=lambda: array("q"))
     doings: list[Doing] = field(default_factory=list)
+    absences_ns: list[tuple[int, int]] = field(default_factory=list)
+    absent_since_ns: int | None = None
 
     def stand(self, stamp_ns: int, pose: GroundPose) -> None:
         """Take the artefact's pose."""
@@ -83,8 +85,23 @@ class _LifeRecorder:
         if not self.doings or self.doings[-1][1:] != (behaviour, activity):
             self.doings.append(Doing(stamp_ns, behaviour, activity))
 
+    def miss(self, stamp_ns: int) -> None:
+        """Take that a tick lacks the artefact, without an event: it may have left."""
+        self.absent_since_ns = stamp_ns
+        if self.departure_ns is None:
+            self.departure_ns = stamp_ns
+
+    def come_back(self, stamp_ns: int) -> None:
+        """Take that a tick has the artefact that those before lacked."""
+        if self.absent_since_ns is not None and not self.left_by:
+            self.absences_ns.append((self.absent_since_ns, stamp_ns))
+            self.absent_since_ns = self.departure_ns = None
+
     def finished(self, artefact_id: int) -> Life:
-        """Return the life so far."""
+        """Return the life so far; it may have ended during an absence."""
+        absences_ns, begin_ns = self.absences_ns, self.absent_since_ns
+        if begin_ns is not None and self.departure_ns is not None and begin_ns < self.departure_ns:
+            absences_ns = [*absences_ns, (begin_ns, self.departure_ns)]
         return Life(
             artefact_id,
             self.row,
@@ -95,6 +112,7 @@ class _LifeRecorder:
             np.array(self.seen_ns, dtype=np.int64),
             tuple(self.doings),
             np.array(self.heights_m, dtype=np.float64),
+            tuple(absences_ns),
         )
 
 
@@ -233,11 +251,9 @@ class SceneRecorder:
         """End the lives that are missing in a tick without an event, as after a pause."""
         before, self._present = self._present, {one.artefact_id for one in moment.artefacts}
         for number in before - self._present:
-            if self._lives[number].departure_ns is None:
-                self._lives[number].departure_ns = moment.stamp_ns
+            self._lives[number].miss(moment.stamp_ns)
         for number in self._present - before:
-            if not self._lives[number].left_by:
-                self._lives[number].departure_ns = None
+            self._lives[number].come_back(moment.stamp_ns)
 
     def _life(self, artefact_id: int, row: CatalogueRow, arrival_ns: int) -> _LifeRecorder:
         known = self._lives.get(artefact_id)

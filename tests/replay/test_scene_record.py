@@ -135,6 +135,20 @@ def test_another_arrival_of_an_id_is_another_life() -> None:
         assert by_id.at(8, 150) is None
 
 
+def test_nobody_is_there_while_the_node_pauses() -> None:
+    """Who was there before comes back after it, or leaves meanwhile."""
+    first, second = _artefact(7, PERSON, STILL), _artefact(8, PERSON, STILL)
+    left = _event(250, EventKind.DEPARTED, PERSON, 8)
+    ticks = [_tick(100, [first, second]), _tick(200), _tick(220), _tick(300, [first], [], [left])]
+    here = RigidTransform.identity()
+    record = _record([replace(tick, map_from_base=here) for tick in ticks])
+    ids = [[one.artefact_id for one in moment.artefacts] for moment in record.moments()]
+    assert ids == [[7, 8], [], [], [7]]
+    assert [life.departure_ns for life in record.lives] == [None, 250]
+    stamps = [record.robot_distances(life)[0].tolist() for life in record.lives]
+    assert stamps == [[100, 300], [100]]
+
+
 def test_life_between_two_ticks() -> None:
     """Who comes and goes between two ticks has a life, of the row of its label, without poses."""
     events = [
