@@ -59,7 +59,7 @@ def _write(
     table.writerow(COLUMNS)
     footprint = robot_footprint(reader.parameters.robot)
     lines: dict[_Life, list[str]] = {}
-    files: dict[str, list[_Life]] = {}
+    files: dict[str, _Life] = {}
     robot: list[str] = []
     ticks = 0
     for tick in reader.read(open_progress, {}):
@@ -79,7 +79,7 @@ def _write(
     for key in list(lines):
         _save(tum, key, files, lines.pop(key))
     (tum / ROBOT).write_text("".join(robot), encoding="utf-8")
-    return sum(map(len, files.values())), ticks, len(robot)
+    return len(files), ticks, len(robot)
 
 
 def _rows(tick: TrueTick, footprint: Footprint) -> list[list[Any]]:
@@ -111,17 +111,16 @@ def _tum_line(stamp_ns: int, pose: Sequence[float]) -> str:
     return " ".join((f"{seconds}.{nanoseconds:09d}", *(f"{value:.9g}" for value in pose))) + "\n"
 
 
-def _save(tum: Path, life: _Life, files: dict[str, list[_Life]], lines: list[str]) -> None:
+def _save(tum: Path, life: _Life, files: dict[str, _Life], lines: list[str]) -> None:
     """Write lines of a life to its file; one of the same id, of a later start of the node, has _2.
 
-    `files` are the lives by the names of the files.
+    `files` are the lives by the names of their files.
     """
     label = re.sub(r"[^\w.-]", "_", life.label)
-    name = f"{label}_{life.artefact_id}"
-    lives = files.setdefault(name, [])
-    if life not in lives:
-        lives.append(life)
-    again = lives.index(life) + 1
-    file_name = f"{name}.txt" if again == 1 else f"{name}_{again}.txt"
-    with (tum / file_name).open("a", encoding="utf-8") as file:
+    name = file_name = f"{label}_{life.artefact_id}"
+    again = 1
+    while files.setdefault(file_name, life) != life:
+        again += 1
+        file_name = f"{name}_{again}"
+    with (tum / f"{file_name}.txt").open("a", encoding="utf-8") as file:
         file.writelines(lines)

@@ -15,6 +15,7 @@ import pytest
 from are_ros.bag.decoded import Scene
 from are_ros.bag.recording import Recording, find_recording
 from are_ros.export.coco import CocoWriter
+from are_ros.export.tracks import _Life, _save
 from are_ros.export.truth import Interval, TrueTick
 from are_ros.replay.recorded_scene import read_recorded_scene
 from bags.simulation.making import RosbagsFactory
@@ -102,6 +103,17 @@ def test_each_track_is_a_file_as_tum_has_them(sample_replay: Path, tracks: Path)
     poses = {tick.stamp_ns: tick.poses[number] for tick in outputs.ticks if number in tick.poses}
     assert track[:, 0] == pytest.approx(np.array(list(poses)) / NS_PER_S, abs=1e-6)
     assert track[:, 1:4] == pytest.approx(np.array([p[:3] for p in poses.values()]), abs=1e-6)
+
+
+def test_each_life_has_a_file_of_its_own(tmp_path: Path) -> None:
+    """Also where a label ends as the name of another's second life does."""
+    lives = [_Life(1, "box", 10), _Life(1, "box", 20), _Life(2, "box_1", 20), _Life(1, "box", 20)]
+    files: dict[str, _Life] = {}
+    for number, life in enumerate(lives):
+        _save(tmp_path, life, files, [f"{number}\n"])
+    texts = {path.stem: path.read_text() for path in tmp_path.iterdir()}
+    assert texts == {"box_1": "0\n", "box_1_2": "1\n3\n", "box_1_2_2": "2\n"}
+    assert len(files) == 3
 
 
 def test_the_robot_is_where_its_transforms_say_at_the_stamp(
