@@ -21,6 +21,7 @@ from are_ros.fit.results import (
 from are_ros.parameters.model import Parameters
 from are_ros.parameters.ros_yaml import with_file
 from are_ros.population.mixture_fit import best_by_bic, fit_by_bic, fit_mixture
+from are_ros.replay.command import is_given
 from are_ros.replay.output_folder import all_or_nothing, no_empty_folders
 from are_ros.replay.progress import CountBar, ProgressBar, Say
 from are_ros.replay.results import write_json
@@ -30,8 +31,8 @@ from are_ros.replay.results import write_json
 class FitOptions:
     """What the command line asks for.
 
-    The rows are those of `rows`, else of the catalogue `catalogue_file`, else of that of
-    `parameter_files`, else of the parameters of a recording, else of the shipped one.
+    The rows are those of `rows`, else of the catalogue `catalogue_file`, else of that which
+    `parameter_files` name, else of the parameters of a recording, else of the shipped one.
     `components` None: the number of least BIC, of at most `max_components`.
     """
 
@@ -63,12 +64,11 @@ def row_space(options: FitOptions) -> tuple[RowSpace, Path | None]:
         return RowSpace(options.rows), None
     if options.catalogue_file is not None:
         return RowSpace.of(read_catalogue(options.catalogue_file)), options.catalogue_file
-    if is_recording(options.source) and not options.parameter_files:
+    parameters = Parameters()
+    for path in options.parameter_files:
+        parameters = with_file(parameters, path)
+    if is_recording(options.source) and not is_given("catalogue", options.parameter_files, ()):
         parameters = find_recording(options.source).effective()
-    else:
-        parameters = Parameters()
-        for path in options.parameter_files:
-            parameters = with_file(parameters, path)
     if not parameters.catalogue:
         return RowSpace.of(read_catalogue()), None
     return RowSpace.of(read_catalogue(Path(parameters.catalogue))), Path(parameters.catalogue)

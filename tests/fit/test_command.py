@@ -154,6 +154,20 @@ def test_rows_come_from_the_nearest_source(tmp_path: Path, sample_replay: Path) 
     assert row_space(replace(options, source=sample_replay))[0].rows == shipped
 
 
+def test_parameters_that_name_no_catalogue_leave_that_of_the_recording(
+    tmp_path: Path, sample_replay: Path
+) -> None:
+    """Its rows were refused as those of another catalogue; an empty name is the shipped one."""
+    (tmp_path / "augmented.mcap").symlink_to(sample_replay / "augmented.mcap")
+    own = {"catalogue": str(SHIPPED_CATALOGUE)}
+    for name, values in (("effective", own), ("silent", {"seed": 3}), ("empty", {"catalogue": ""})):
+        content = {"ar_builder": {"ros__parameters": values}}
+        (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    for name, expected in (("silent", SHIPPED_CATALOGUE), ("empty", None)):
+        options = FitOptions(tmp_path, tmp_path, parameter_files=(tmp_path / f"{name}.yaml",))
+        assert row_space(options)[1] == expected
+
+
 def test_another_catalogue_is_named_in_the_parameters(rows_file: Path, tmp_path: Path) -> None:
     """A mixture fits its catalogue only, so that its file goes along, from wherever it is run."""
     run(FitOptions(rows_file, tmp_path, catalogue_file=SHIPPED_CATALOGUE, components=2))
