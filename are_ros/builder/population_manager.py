@@ -332,6 +332,7 @@ class PopulationManager:
         if refusal is not None:
             raise CatalogueError(f"{row.label}: behaviour '{behaviour}' {refusal}")
         self.advance(now_ns)
+        pose = GroundPose(*map(float, pose))  # of whole numbers, no box could be made
         environment, others = self._world.environment, self.crowd.table.taken
         box, robot = boxes_of([row], [pose]), self._robots.pose(now_ns) or self._robot
         reason = "there is no map yet"

@@ -16,7 +16,7 @@ from are_ros.builder.sensors.augmentation import SensorAugmentation
 from are_ros.builder.sensors.lens import Lens
 from are_ros.builder.sensors.sensor_path import Reading, ReleasedReading
 from are_ros.conventions import NS_PER_S
-from are_ros.errors import InputError
+from are_ros.errors import InputError, ParameterError
 from are_ros.parameters.choices import CameraModel
 from are_ros.parameters.model import Parameters
 from are_ros.population.catalogue import Catalogue
@@ -190,9 +190,13 @@ class Simulation:
         """Take the path (N, 3) that the robot plans, in any frame of the tree; its end is the goal.
 
         No artefact arrives within the robot's clearance of the goal. An empty path means no goal.
-        Raises FrameError if the frame's pose is not known, InputError if a number is not finite.
+        Raises FrameError if the frame's pose is not known, InputError if a number is not finite, or
+        the shape is another.
         """
         self._received(received_ns)
+        shape = np.shape(points_m)
+        if len(points_m) and (len(shape) != 2 or shape[1] != 3):
+            raise InputError(f"plan: points have the shape {shape}, not (N, 3)")
         if not np.isfinite(points_m).all():
             raise InputError("plan: it holds a position that is not finite")
         plan_m = np.empty((0, 3))
@@ -290,7 +294,12 @@ class Simulation:
         self.sensors.clear()
 
     def reseed(self, seed: int, now_ns: int) -> None:
-        """Draw from another seed from now on; artefacts alive stay."""
+        """Draw from another seed from now on; artefacts alive stay.
+
+        Raises ParameterError, and changes nothing, where the seed is negative.
+        """
+        if seed < 0:
+            raise ParameterError(f"the seed {seed} is negative")
         self.advance(now_ns)
         self.lives.reseed(seed, now_ns)
         self.sensors.reseed(seed)

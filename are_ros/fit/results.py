@@ -15,6 +15,7 @@ from are_ros.population.catalogue import Catalogue
 from are_ros.population.mixture import GoodnessOfFit
 from are_ros.population.mixture_fit import MixtureFit, Stop
 from are_ros.wording import aligned, counted, section
+from are_ros.yaml_text import Dumper
 
 PARAMETERS: Final = "fitted.yaml"
 RECORD: Final = "fit.json"
@@ -103,7 +104,9 @@ def fitted_yaml(outcome: FitOutcome) -> str:
         f"{chosen.log_likelihood_per_sample:.6f}). Made for a catalogue of {outcome.space.rows} "
         "rows.\n"
     )
-    return head + yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=10_000)
+    return head + yaml.dump(
+        content, Dumper=Dumper, sort_keys=False, default_flow_style=None, width=10_000
+    )
 
 
 def record_content(outcome: FitOutcome) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from are_ros.parameters.declaration import (
 )
 from are_ros.parameters.model import Parameters
 from are_ros.wording import listed
-from are_ros.yaml_text import parse_yaml, read_yaml
+from are_ros.yaml_text import Dumper, parse_yaml, read_yaml
 
 EFFECTIVE_TOPIC: Final = "effective_parameters"
 EFFECTIVE_TYPE: Final = "std_msgs/msg/String"
@@ -281,5 +281,5 @@ def _comment(item: Any) -> str:
 def _scalar_text(value: Value) -> str:
     if isinstance(value, tuple):
         value = list(value)  # type: ignore[assignment]
-    text: str = yaml.safe_dump(value, default_flow_style=True, width=10_000)
+    text: str = yaml.dump(value, Dumper=Dumper, default_flow_style=True, width=10_000)
     return text.removesuffix("\n").removesuffix("...").rstrip()

@@ -102,6 +102,23 @@ def test_a_placement_at_no_finite_height_is_refused(scene: Scene) -> None:
     assert not scene.builder.lives.scene_at(scene.ns(0.2)).artefacts
 
 
+@pytest.mark.parametrize("pose", [GroundPose(2, 2, 0, 0), (2.0, 2.0, 0.0, 0.0)])
+def test_a_placement_takes_whole_numbers_and_a_tuple(scene: Scene, pose: Any) -> None:
+    """One in whole numbers was refused by numpy, and left half an artefact behind."""
+    lives = scene.builder.lives
+    artefact_id = lives.place(scene.row(0), pose, scene.ns(0.1))
+    (one,) = lives.scene_at(scene.ns(0.1)).artefacts
+    assert (one.id, one.ground_pose_at(scene.ns(0.2))) == (artefact_id, (2.0, 2.0, 0.0, 0.0))
+    assert lives.clear(scene.ns(0.2)) == 1
+
+
+def test_a_negative_seed_is_refused(scene: Scene) -> None:
+    """And nothing else is drawn than before."""
+    with pytest.raises(ParameterError, match="the seed -7 is negative"):
+        scene.builder.reseed(-7, scene.ns(0.1))
+    assert scene.place(0, (2.5, 2.0), 0.2) > 0
+
+
 def test_a_placement_for_a_negative_life_is_refused(scene: Scene) -> None:
     """It would depart before it has arrived."""
     pose = GroundPose(2.5, 2.0, 0.0, 0.0)
@@ -531,6 +548,12 @@ def test_a_plan_that_is_not_finite_is_refused(make_scene: Make, row: int) -> Non
         scene.builder.receive_plan(bad_m, "map", scene.ns(0.1))
     np.testing.assert_array_equal(scene.builder.lives.plan_m, plan_m[:, :2])
     assert scene.builder.lives.goal is goal
+
+
+def test_a_plan_without_heights_is_refused(make_scene: Make) -> None:
+    """It was a sentence of numpy's."""
+    with pytest.raises(InputError, match=r"plan: points have the shape \(2, 2\), not \(N, 3\)"):
+        make_scene().builder.receive_plan(np.ones((2, 2)), "map", 0)
 
 
 def arrival_distances(scene: Scene, until_s: float, point: tuple[float, float]) -> Any:

@@ -259,6 +259,14 @@ def test_what_is_written_is_read_back(
     assert flatten(with_values(Parameters(), read_ros_parameters(path))) == flatten(parameters)
 
 
+@pytest.mark.parametrize("text", ["1e5", "-2E3", ".5e-3"])
+def test_texts_that_look_like_numbers_are_read_back(tmp_path: Path, text: str) -> None:
+    """YAML 1.1 takes them for texts, ROS and our reader for numbers: they need quotes."""
+    parameters, path = with_values(Parameters(), {"frames.base": text}), tmp_path / "written.yaml"
+    path.write_text(write_ros_parameters(parameters), encoding="utf-8")
+    assert read_ros_parameters(path)["frames.base"] == text
+
+
 def test_a_file_for_one_node_holds_in_every_namespace(tmp_path: Path) -> None:
     """What ROS would take for /ar_builder alone."""
     path = tmp_path / "my.yaml"

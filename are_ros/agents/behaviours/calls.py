@@ -31,6 +31,8 @@ _PACKAGE: Final = are_ros.__name__
 _FOLDER: Final = str(Path(are_ros.__file__).parent)
 _FARTHEST_M: Final = 1e9
 _NUMBERS: Final = (int, float, np.integer, np.floating)
+_SHORT: Final = reprlib.Repr()
+_SHORT.maxother = 60
 
 
 class BehaviourCall(NamedTuple):
@@ -91,7 +93,7 @@ def reward_of(behaviour: Any, situation: Situation) -> float:
     call = BehaviourCall(situation.me.id, situation.row.label, situation.now_ns)
     reward = answer_of(behaviour, "reward", situation, call)
     if not is_number(reward):
-        raise wrong_answer(kind, "reward", f"{reward!r}: a finite number is needed", call)
+        raise wrong_answer(kind, "reward", f"{shown(reward)}: a finite number is needed", call)
     return float(reward)
 
 
@@ -106,6 +108,14 @@ def reward_bounds_of(behaviour: Any, situation: Situation) -> tuple[float, float
         return bounds
     reward = reward_of(behaviour, situation)
     return reward, reward
+
+
+def has_reward(behaviour: object) -> bool:
+    """Return whether a behaviour has a reward; one that cannot be looked up fails when asked."""
+    try:
+        return hasattr(behaviour, "reward")
+    except Exception:  # noqa: BLE001 - whatever the user's code raises
+        return True
 
 
 def answer_of(user_object: object, method: str, argument: object, call: BehaviourCall) -> Any:
@@ -154,22 +164,26 @@ def _states_bounds(kind: type) -> bool:
 def _faults_of(intent: object) -> Iterator[str]:
     """Yield what is wrong with a returned intent."""
     if not isinstance(intent, Intent):
-        what = "None" if intent is None else f"{reprlib.repr(intent)} ({type(intent).__name__})"
+        what = "None" if intent is None else f"{shown(intent)} ({type(intent).__name__})"
         yield f"{what}, which is no Intent"
         return
     for name, point_m in (("goal_m", intent.goal_m), ("face_m", intent.face_m)):
         if not (point_m is None or _is_point(point_m)):
-            yield f"the {name} {point_m!r}: a tuple of two finite numbers of metres is needed"
+            yield f"the {name} {shown(point_m)}: a tuple of two finite numbers of metres is needed"
+    comfort_m = 0.0 if intent.robot_comfort_m is None else intent.robot_comfort_m
     for name, number in (
         ("speed_mps", intent.speed_mps),
         ("arrive_within_m", intent.arrive_within_m),
-        ("robot_comfort_m", intent.robot_comfort_m or 0.0),
+        ("robot_comfort_m", comfort_m),
     ):
         if not (is_number(number) and number >= 0.0):
-            yield f"the {name} {number!r}: a finite number that is not negative is needed"
+            yield f"the {name} {shown(number)}: a finite number that is not negative is needed"
+    is_moving: object = intent.is_moving_goal
+    if not isinstance(is_moving, bool | np.bool_):
+        yield f"the is_moving_goal {shown(is_moving)}: True or False is needed"
     activity: object = intent.activity
     if not isinstance(activity, str):
-        yield f"the activity {activity!r}: a text is needed"
+        yield f"the activity {shown(activity)}: a text is needed"
     elif any("\ud800" <= letter <= "\udfff" for letter in activity):
         yield f"the activity {activity!a}: it is no Unicode text, as a message needs"
 
@@ -201,9 +215,24 @@ def is_number(number: object) -> bool:
 
 def _raised(kind: type, call: BehaviourCall, cause: BaseException, method: str) -> BehaviourError:
     """Return the error for an exception of user code."""
-    lines = str(cause).splitlines()
-    what = f"{type(cause).__name__}: {lines[0]}" if lines else type(cause).__name__
-    return _failure(kind, call, what, _place_in(kind, cause) or _start_of(kind, method))
+    return _failure(kind, call, told(cause), _place_in(kind, cause) or _start_of(kind, method))
+
+
+def told(cause: BaseException) -> str:
+    """Return an exception of user code as the name of its class, and the first line that it has."""
+    try:
+        text = str(cause).strip()
+    except Exception:  # noqa: BLE001 - whatever the user's code raises
+        text = ""
+    return f"{type(cause).__name__}: {text.splitlines()[0]}" if text else type(cause).__name__
+
+
+def shown(value: object) -> str:
+    """Return a value of user code, in one line that is not long."""
+    try:
+        return " ".join(_SHORT.repr(value).split())
+    except Exception:  # noqa: BLE001 - whatever the user's code raises
+        return f"a {type(value).__name__}"
 
 
 def _failure(kind: type, call: BehaviourCall, what: str, place: str) -> BehaviourError:

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from are_ros.agents.behaviours.along_way import AlongWay
 from are_ros.agents.behaviours.avoiding import Avoiding
-from are_ros.agents.behaviours.calls import NO_CALL, BehaviourCall, new_behaviour
+from are_ros.agents.behaviours.calls import NO_CALL, BehaviourCall, new_behaviour, told
 from are_ros.agents.behaviours.crossing import Crossing
 from are_ros.agents.behaviours.following import Following
 from are_ros.agents.behaviours.gathering import Gathering
@@ -96,8 +96,7 @@ def user_class(name: str, known: Sequence[str], method: str, argument: str) -> t
     try:
         found = getattr(import_module(module_name), class_name)
     except (Exception, SystemExit) as cause:  # whatever user code raises
-        reason = f"{type(cause).__name__}: {cause}".splitlines()[0]
-        raise CatalogueError(f"{name} cannot be imported ({reason})") from cause
+        raise CatalogueError(f"{name} cannot be imported ({told(cause)})") from cause
     _check_class(name, found, method, argument)
     kind: type[Any] = found
     return kind

@@ -6,7 +6,12 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from are_ros.agents.behaviours.calls import BehaviourCall, reward_bounds_of, reward_of
+from are_ros.agents.behaviours.calls import (
+    BehaviourCall,
+    has_reward,
+    reward_bounds_of,
+    reward_of,
+)
 from are_ros.agents.behaviours.leaving import WalkingOut
 from are_ros.agents.behaviours.registry import make_behaviour
 from are_ros.agents.behaviours.situation import Behaviour, Situation
@@ -40,7 +45,7 @@ class Repertoire:
         self.journey = travelling[0].journey if travelling else None
         """The journey of the travelling behaviours, None if there are none."""
         self._rewarding = [
-            (index, one) for index, one in enumerate(self._behaviours) if hasattr(one, "reward")
+            (index, one) for index, one in enumerate(self._behaviours) if has_reward(one)
         ]
         self._moving = [one for one in travelling if type(one) is not Stopping]
         self._speeds_mps: tuple[float, ...] | None = None

@@ -12,6 +12,7 @@ from are_ros.agents.behaviours.calls import (
     answer_of,
     is_number,
     new_behaviour,
+    shown,
     wrong_answer,
 )
 from are_ros.agents.behaviours.registry import user_class
@@ -220,6 +221,6 @@ def _checked(answer: object, planner: Planner, call: BehaviourCall) -> list[Wish
         raise wrong_answer(kind, "propose", reason, call)
     for wish in answer:
         if not (isinstance(wish, tuple) and len(wish) == 2 and all(map(is_number, wish))):
-            reason = f"the wish {wish!r}: a tuple of two finite numbers is needed"
+            reason = f"the wish {shown(wish)}: a tuple of two finite numbers is needed"
             raise wrong_answer(kind, "propose", reason, call)
     return [(math.remainder(heading, math.tau), speed) for heading, speed in answer]

@@ -228,7 +228,8 @@ def _shares(
 ) -> dict[str, float]:
     """Return the probability of each behaviour or planner; user-defined ones are imported."""
     raw = given.raw(key)
-    own = [name for name in raw if ":" in str(name)] if isinstance(raw, dict) else []
+    names = [name for name in raw if isinstance(name, str)] if isinstance(raw, dict) else []
+    own = [name for name in names if ":" in name]
     weights = given.section(key, (*known, "module:Class", *own))
     for name in weights:
         if (reason := why_not(name)) is not None:

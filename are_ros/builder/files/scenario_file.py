@@ -32,7 +32,7 @@ from are_ros.population.departures import Cause
 from are_ros.population.scenario import Scenario, ScriptedArtefact, Track
 from are_ros.whole_file import write_whole
 from are_ros.wording import why_refused
-from are_ros.yaml_text import Fields, read_yaml
+from are_ros.yaml_text import Dumper, Fields, read_yaml
 
 _KEY: Final = "artefact"
 _TIME: Final = "t_s"
@@ -225,8 +225,13 @@ def write_scenario(scenario: Scenario, path: Path, catalogue: str = "") -> list[
         write_tracks(sidecar, tracks)
     entries = [_entry(one, tracks, sidecar.name) for one in artefacts]
     content = {"scenario": head, "artefacts": entries}
-    text = yaml.safe_dump(
-        content, sort_keys=False, allow_unicode=True, width=_LINE, default_flow_style=None
+    text = yaml.dump(
+        content,
+        Dumper=Dumper,
+        sort_keys=False,
+        allow_unicode=True,
+        width=_LINE,
+        default_flow_style=None,
     )
     if catalogue:
         text = f"# Its artefacts are of the catalogue {catalogue}: replay it with that one.\n{text}"

@@ -10,7 +10,8 @@ import pytest
 from are_ros.agents.behaviours.calls import BehaviourCall, intent_of
 from are_ros.agents.behaviours.open_view import OpenView
 from are_ros.agents.behaviours.registry import make_behaviour, why_not
-from are_ros.agents.behaviours.situation import Intent, Situation, stand
+from are_ros.agents.behaviours.repertoire import Repertoire
+from are_ros.agents.behaviours.situation import Intent, Situation, Standing, stand
 from are_ros.agents.behaviours.walking import Walking
 from are_ros.errors import BehaviourError
 from tests.agents.behaviours import failing
@@ -101,6 +102,22 @@ BAD: list[tuple[Any, str]] = [
     (Intent((1.0, 2.0), 1.0, math.nan), "the arrive_within_m nan: "),
     (Intent((1.0, 2.0), 1.0, robot_comfort_m=-1.0), "the robot_comfort_m -1.0: "),
     (Intent(None, 0.0, activity=3), "the activity 3: "),  # type: ignore[arg-type]
+    (Intent((1.0, 2.0), np.zeros(2)), "the speed_mps array([0., 0.]): "),  # type: ignore[arg-type]
+    (Intent((1.0, 2.0), 1.0, robot_comfort_m=""), "the robot_comfort_m '': "),  # type: ignore[arg-type]
+    (
+        Intent((1.0, 2.0), 1.0, robot_comfort_m=np.zeros(2)),  # type: ignore[arg-type]
+        "the robot_comfort_m array([0., 0.]): ",
+    ),
+    (
+        Intent((1.0, 2.0), 1.0, is_moving_goal=np.zeros(2)),  # type: ignore[arg-type]
+        "the is_moving_goal array([0., 0.]): ",
+    ),
+    (
+        Intent((1.0, 2.0), 1.0, is_moving_goal="no"),  # type: ignore[arg-type]
+        "the is_moving_goal 'no': ",
+    ),
+    (Intent(np.zeros((40, 2)), 1.0), "the goal_m array([["),  # type: ignore[arg-type]
+    (Intent((1.0, 2.0), 10**5000), "the speed_mps "),
 ]
 
 
@@ -110,6 +127,8 @@ def test_what_is_no_intent_is_said(what: Any, words: str, monkeypatch: pytest.Mo
     monkeypatch.setattr(failing.Returns, "what", what)
     said = said_of(failing.Returns())
     assert said.startswith(f"decide returned {words}")
+    assert "\n" not in said
+    assert len(said) < 400
     assert said.endswith(line_of("def decide", "class Returns"))
 
 
@@ -117,6 +136,33 @@ def test_a_good_intent_is_handed_on_as_it_is(monkeypatch: pytest.MonkeyPatch) ->
     """The very object."""
     monkeypatch.setattr(failing.Returns, "what", good := stand("being good"))
     assert intent_of(failing.Returns(), situation()) is good
+
+
+def test_a_failure_without_words_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An exception that cannot say what it is ended the live node."""
+
+    class SpeechlessError(Exception):
+        def __str__(self) -> str:
+            raise AttributeError("words")
+
+    def fail(*_: object) -> Intent:
+        raise SpeechlessError
+
+    monkeypatch.setattr(failing.Returns, "decide", fail)
+    assert said_of(failing.Returns()).startswith("SpeechlessError (")
+
+
+def test_a_reward_that_cannot_be_looked_up_is_a_failure() -> None:
+    """It is one when it is asked for, as any other."""
+
+    class Odd(failing.Returns):
+        @property
+        def reward(self) -> Any:
+            raise ValueError("no price")
+
+    found = Repertoire({"standing": Standing(), "odd": Odd()}, {"standing": 0.5, "odd": 0.5})
+    with pytest.raises(BehaviourError, match=r"failed at 12\.300 s: ValueError: no price \("):
+        found.rewards(situation())
 
 
 def test_a_constructor_that_raises_is_said() -> None:

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from dataclasses import fields
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
@@ -178,6 +179,10 @@ def test_a_glb_stands_as_its_format_says(tmp_path: Path) -> None:
             "motion.acceleration_mps2 is 0, but what has a speed must reach it",
         ),
         ({"rewards": {"time": 1001}}, "rewards.time is 1001, but must be at most 1000"),
+        (
+            {"behaviours": {datetime(2001, 12, 14, 21, 59, tzinfo=timezone.utc): 1}},
+            "behaviours.2001-12-14 21:59:00+00:00 is not known; known are standing",
+        ),
         ({"rewards": {"gaol": 1}}, "rewards.gaol is not known; did you mean 'goal'?"),
         ({"behaviours": {"walking": 1}}, "behaviours.walking needs an artefact that moves, but"),
         ({"behaviours": {"along_way": 1}}, "behaviours.along_way needs a way, which only a"),

@@ -357,6 +357,15 @@ def test_tracks_are_not_mixed_up_where_a_name_is_the_id_of_another(tmp_path: Pat
             np.testing.assert_array_equal(other.track.poses, one.track.poses)
 
 
+@pytest.mark.parametrize("name", ["1e5", "1e-3", ".5e3", "010", "12:30", "null", "yes"])
+def test_names_that_look_like_something_else_survive(tmp_path: Path, name: str) -> None:
+    """They are texts, in quotes."""
+    first = _one(tmp_path, f"row: 14, at: [0, 0, 0], name: '{name}'")
+    write_scenario(Scenario((first,), name=name), tmp_path / "again.yaml")
+    again = read_scenario(tmp_path / "again.yaml", CATALOGUE)
+    assert (again.name, again.artefacts[0].name) == (name, name)
+
+
 def test_speed_and_planner_survive(tmp_path: Path) -> None:
     """They are written again where a scenario gave them."""
     given = "row: 14, at: [0, 0, 0], way: [[1, 1]], speed: 0.4, planner: path_following"
