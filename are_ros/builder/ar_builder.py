@@ -24,6 +24,7 @@ from are_ros.builder.simulation import Simulation
 from are_ros.builder.tick import USUAL, Demand, Tick
 from are_ros.conventions import seconds_to_ns
 from are_ros.parameters.choices import CostmapGate, Shape
+from are_ros.parameters.declaration import check_change
 from are_ros.parameters.model import MarkersParameters, Parameters
 from are_ros.population.catalogue import Catalogue
 from are_ros.population.departures import Cause
@@ -139,9 +140,11 @@ class ArBuilder(Simulation):
     def reconfigure(self, parameters: Parameters, now_ns: int) -> None:
         """Use other values of the live parameters from `now_ns` on; the others are fixed.
 
-        Raises ParameterError, and changes nothing, where the mixture is bad.
+        Raises ParameterError, and changes nothing, where the mixture is bad, or another parameter
+        than a live one differs.
         """
         before = self.parameters
+        check_change(before, parameters)
         if self.has_begun:
             self.advance(now_ns)
         self.lives.reconfigure(parameters, assembly.collision_resolver(parameters), now_ns)

@@ -93,6 +93,13 @@ def with_values(section: _Section, values: Mapping[str, Any]) -> _Section:
     return section
 
 
+def check_change(before: Any, after: Any) -> None:
+    """Raise ParameterError, which names it, if a parameter differs that is not a live one."""
+    for item in describe(before):
+        if not item.live and value_at(after, item.path) != value_at(before, item.path):
+            raise ParameterError(f"parameter '{item.path}': it cannot change during a run")
+
+
 def _described(path: str, field: Any) -> Description:
     default, details = field.default, field.metadata
     choices = tuple(str(one.value) for one in type(default)) if isinstance(default, Enum) else ()

@@ -91,6 +91,20 @@ def test_a_new_map_is_relayed_too(scene: Scene) -> None:
 # --- bad input
 
 
+@pytest.mark.parametrize(
+    "change", [{"frames.map": "world"}, {"motion.step": 0.1}, {"seed": 3}, {"world.wall_height": 1}]
+)
+def test_only_live_parameters_change_during_a_run(scene: Scene, change: dict[str, Any]) -> None:
+    """The others were half in force: with another `frames.map` each further map was refused."""
+    builder, before = scene.builder, scene.builder.parameters
+    values = with_values(before, {**change, "population.arrival_rate": 0.1})
+    (path,) = change
+    with pytest.raises(ParameterError, match=f"'{path}': it cannot change during a run"):
+        builder.reconfigure(values, scene.ns(0.1))
+    assert builder.parameters is before
+    builder.receive_map(scene.room((5, 9, 5, 9)), scene.ns(0.2))
+
+
 def test_a_map_in_another_frame_is_refused_and_changes_nothing(scene: Scene) -> None:
     """The sentence names both frames; the last good map stays in force."""
     environment = scene.builder.world.environment
