@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pytest
 
 from are_ros.agents.behaviours.open_view import OpenView
-from are_ros.agents.behaviours.situation import Neighbour
+from are_ros.agents.behaviours.situation import Neighbour, Situation
 from are_ros.agents.mdp.routes import AHEAD
 from are_ros.agents.navigation.destinations import Destinations
 from are_ros.agents.navigation.step_kernels import (
@@ -22,6 +22,7 @@ from are_ros.agents.snapshot import AgentSnapshot
 from are_ros.population.artefact import Artefact, GroundPose, Origin, PoseHistory
 from are_ros.population.catalogue import CatalogueRow
 from are_ros.population.meshes.shapes import Shape
+from tests.agents.behaviours.stage import fellow_at, lattice, stream
 
 NO_ROBOT = (np.zeros((AHEAD, 2)), -1.0)
 ROBOT = (np.array([(1.0, 2.0), (3.0, 4.0)]), 0.9)
@@ -178,3 +179,18 @@ def test_seeing_is_asked_with_who_looks() -> None:
     assert view.sees(sixth, -1.0, 2.0)
     assert not view.sees(sixth, 1.0, 2.0)
     assert not view.sees(third, -1.0, 2.0)
+
+
+def test_a_text_among_activities_is_one_of_them() -> None:
+    """Who does nothing in particular was found, too: an empty text is a part of each."""
+    told = ("dancing", "", "dan", "standing")
+    fellows = [
+        fellow_at((1.0 + n, 0.0), artefact_id=n, behaviour="m:Party", activity=activity)
+        for n, activity in enumerate(told)
+    ]
+    me, places = fellow_at((0.0, 0.0), artefact_id=9), lattice()
+    found = Situation(0, me, ROW, places, stream(), OpenView([*fellows, me]))
+    for behaviour in ("", "m:Party"):
+        assert [one.id for one in found.neighbours_within(9.0, behaviour, "dancing")] == [0]
+        assert len(found.places_within(9.0, behaviour, "dancing")) == 1
+    assert [one.id for one in found.neighbours_within(9.0, activities={"dancing", ""})] == [0, 1]

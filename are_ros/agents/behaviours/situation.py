@@ -285,11 +285,11 @@ class Situation(NamedTuple):
     ) -> list[Neighbour]:
         """Return the others whose (x, y) is within a radius, the nearest first.
 
-        With `behaviour` and `activities`, only those with that behaviour and one of the activities:
-        in a crowd that is much faster than to look at all.
+        With `behaviour` and `activities`, only those with that behaviour and one of the activities
+        (a text is one of them): in a crowd that is much faster than to look at all.
         """
         me = self.me
-        found = self.view.within(me.x_m, me.y_m, radius_m, behaviour, activities)
+        found = self.view.within(me.x_m, me.y_m, radius_m, behaviour, _several(activities))
         return [neighbour for neighbour in found if neighbour.id != me.id]
 
     def nearest(self, radius_m: float, suits: Callable[[Neighbour], bool]) -> Neighbour | None:
@@ -308,7 +308,8 @@ class Situation(NamedTuple):
         places = self.places
         if not len(places.destinations_m):
             return ()
-        return self.view.places_within(self.me, radius_m, behaviour, activities, places)
+        chosen = _several(activities)
+        return self.view.places_within(self.me, radius_m, behaviour, chosen, places)
 
     def sees(self, x_m: float, y_m: float) -> bool:
         """Return whether no wall is in the straight way to a point."""
@@ -337,3 +338,8 @@ class Situation(NamedTuple):
     def distance_m(self, point_m: Point) -> float:
         """Return the distance of a point [m]."""
         return math.hypot(point_m[0] - self.me.x_m, point_m[1] - self.me.y_m)
+
+
+def _several(activities: Collection[str]) -> Collection[str]:
+    """Return activities; a text alone is one, and no collection of its parts."""
+    return (activities,) if isinstance(activities, str) else activities
