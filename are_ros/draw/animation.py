@@ -408,7 +408,9 @@ class Frames:
         series = self._record.series
         passed_ns = series.passed_ns()[np.searchsorted(series.stamps_ns, stamp_ns)]
         perceived = sum(actor.is_perceived for actor in actors)
-        count = f"{counted(len(actors), 'virtual artefact')}, {perceived} perceived"
+        count = counted(len(actors), "virtual artefact")
+        if self._record.is_perceiving:
+            count += f", {perceived} perceived"
         canvas.text(f"{int(passed_ns) / NS_PER_S:5.1f} s", (_MARGIN_PX, 7), _TEXT_PX)
         canvas.text(count, (84, 7), _TEXT_PX)
 
@@ -424,7 +426,7 @@ class Frames:
             header.append(Entry("field of view", patch_sign(SEEN, 0.25)))
         names = sorted({life.row.class_name for life in self._record.lives})
         footer = [Entry(name, patch_sign(self._colours[name])) for name in names]
-        if names:
+        if names and self._record.is_perceiving:
             footer.append(Entry("perceived", patch_sign(GREY)))
             footer.append(Entry("not perceived", patch_sign(GREY, 0.34)))
         happened = {event.kind for event in self._record.events}

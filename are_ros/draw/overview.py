@@ -208,7 +208,8 @@ def _draw_events(sheet: Sheet, record: SceneRecord) -> None:
 def _title(record: SceneRecord) -> str:
     arrived = record.metrics.arrivals if record.metrics else 0
     perceived = sum(life.is_perceived for life in record.lives)
-    return f"{counted(arrived, 'virtual artefact')} arrived, {perceived} perceived"
+    seen = f"{perceived} perceived" if record.is_perceiving else "perception left out"
+    return f"{counted(arrived, 'virtual artefact')} arrived, {seen}"
 
 
 def subtitle_of(record: SceneRecord, without_id: int, ids_as_in: str) -> list[str]:
@@ -239,15 +240,23 @@ def _legends(
     rest = [*_artefact_entries(record, end_ns), *_event_entries(record)]
     if record.has_cameras:
         rest.append(Entry("in view at some time", patch_sign(SEEN, 0.17)))
-    return [class_entries(record.lives, colours), behaviour_entries(record.lives, marks), rest]
+    classes = class_entries(record.lives, colours, with_perceived=record.is_perceiving)
+    return [classes, behaviour_entries(record.lives, marks), rest]
 
 
-def class_entries(lives: Sequence[Life], colours: Mapping[str, Rgb]) -> list[Entry]:
-    """Return an entry for each class: how many were perceived, and how many there were."""
+def class_entries(
+    lives: Sequence[Life], colours: Mapping[str, Rgb], *, with_perceived: bool
+) -> list[Entry]:
+    """Return an entry for each class: how many there were, and how many of them were perceived."""
     counts = Counter(life.row.class_name for life in lives)
     seen = Counter(life.row.class_name for life in lives if life.is_perceived)
     return [
-        Entry(f"{name}  {seen[name]} of {counts[name]}", patch_sign(colours[name]))
+        Entry(
+            f"{name}  {seen[name]} of {counts[name]}"
+            if with_perceived
+            else f"{name}  {counts[name]}",
+            patch_sign(colours[name]),
+        )
         for name in sorted(counts)
     ]
 
@@ -264,15 +273,16 @@ def behaviour_entries(lives: Sequence[Life], marks: Mapping[str, str]) -> list[E
 def _artefact_entries(record: SceneRecord, end_ns: int) -> list[Entry]:
     if not record.lives:
         return []
-    entries = [
-        Entry("perceived", patch_sign(GREY)),
-        Entry("never perceived", patch_sign(GREY, UNSEEN_ALPHA)),
-    ]
+    entries = []
+    if record.is_perceiving:
+        entries.append(Entry("perceived", patch_sign(GREY)))
+        entries.append(Entry("never perceived", patch_sign(GREY, UNSEEN_ALPHA)))
     if any(is_gone(life, end_ns) for life in record.lives):
         entries.append(Entry("left", patch_sign(GREY, GONE_ALPHA)))
     if any(len(life.footprints) > 1 for life in record.lives):
         entries.append(Entry("path", line_sign(GREY, PATH_PX)))
-        entries.append(Entry("path while perceived", line_sign(GREY, SEEN_PATH_PX)))
+        if record.is_perceiving:
+            entries.append(Entry("path while perceived", line_sign(GREY, SEEN_PATH_PX)))
     return entries
 
 

@@ -271,6 +271,11 @@ class SceneRecord:
     others: Mapping[int, Sequence[CameraAt]] = field(default_factory=dict)
 
     @property
+    def is_perceiving(self) -> bool:
+        """Whether anybody looked for what is perceived; else that is not known."""
+        return self.series.blind_ticks is not None
+
+    @property
     def has_cameras(self) -> bool:
         """Whether the pose of any camera was ever known."""
         return bool(len(self.camera) or self.others)

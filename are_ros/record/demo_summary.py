@@ -22,6 +22,7 @@ from are_ros.wording import counted
 from are_ros.world.occupancy_grid import OccupancyGrid
 
 _COUNTED: Final = ("scan", "markers", "augmented_map")
+_OUT_OF_STEP: Final = 2
 _TOPICS: Final = ("artefacts", "perceived", "events", "artefact_map", *_COUNTED)
 
 
@@ -102,12 +103,15 @@ def _lines(tally: _Tally, rate_hz: float) -> Iterator[str]:
 
 
 def _ticks(stamps_ns: list[int], rate_hz: float) -> str:
-    """Return how many ticks there were, and of how many if more than a second of them lacks.
+    """Return how many ticks there were, and of how many if more than two of them lack.
 
-    The first and the last may come out of step; a node that falls behind leaves out seconds.
+    The first and the last may come out of step.
     """
     count = len(stamps_ns)
     due = 1 + round((stamps_ns[-1] - stamps_ns[0]) / NS_PER_S * rate_hz) if count else 0
-    if count + rate_hz >= due:
+    if count + _OUT_OF_STEP >= due:
         return str(count)
-    return f"{count} of {due}: the node did not keep up with the recording"
+    return (
+        f"{count} of {due}: the node did not keep up with the recording, so scans and contacts may "
+        "be missing; a lower --rate, or --lockstep, gives it time"
+    )

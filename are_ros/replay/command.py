@@ -138,8 +138,9 @@ def options_of(skip: Sequence[str], also: Sequence[str], **options: Any) -> Repl
 def replay_command(say: Say, **options: Any) -> bool:
     """Run `are replay`; return False if input was refused or a result could not be written.
 
-    So it does if most readings of a topic were not augmented; fewer, as before the first transform,
-    and doubts about map and clocks are only said. Raises AreError where there is no result.
+    So it does if a scripted artefact could not arrive, or most readings of a topic were not
+    augmented; fewer, as before the first transform, and doubts about map and clocks are only said.
+    Raises AreError where there is no result.
     """
     replay = options_of(**options)
     wanted = options.get("animate")
@@ -175,7 +176,7 @@ def _replayed_into(out: Path, replay: ReplayOptions, film: Path | None, say: Say
         for line in [*summary, *said, *earlier_exports(out), *complaints(outcome)]:
             say(line)
     in_part = outcome.camera_problem, outcome.cloud_problem, outcome.scan_problem
-    problems = outcome.refusals.counts, *in_part
+    problems = outcome.refusals.counts, *in_part, refused_by_script(outcome.record.events)
     return is_filmed and not any(problems) and not any(map(_is_mostly_bare, outcome.scans.values()))
 
 

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from are_ros.agents.events import EventKind
 from are_ros.builder.sensors.sensor_path import SensorPathCounts
 from are_ros.conventions import NS_PER_S
+from are_ros.draw.artefacts import contacts
 from are_ros.draw.scene import Life, SceneRecord
 from are_ros.messages.sensors import SENSORS
 from are_ros.replay.progress import Stopwatch
@@ -50,8 +51,10 @@ def metrics_content(
     topic. Numbers that are not known are null. The same replay gives the same content.
     """
     series = record.series
-    is_known = series.blind_ticks is not None
-    lives = [_life(record, life) for life in record.lives]
+    touches_ns: dict[int, list[int]] = {}
+    for event in contacts(record):
+        touches_ns.setdefault(event.artefact_id, []).append(event.stamp_ns)
+    lives = [_life(record, life, touches_ns.get(life.artefact_id, [])) for life in record.lives]
     return {
         "seed": record.seed,
         "ticks": len(series.stamps_ns),
@@ -60,7 +63,9 @@ def metrics_content(
         "ticks_without_perception": series.blind_ticks,
         **_population(record),
         "alive": _mean_and_max(series.alive),
-        "perceived": _mean_and_max(series.perceived if is_known else series.perceived[:0]),
+        "perceived": _mean_and_max(
+            series.perceived if record.is_perceiving else series.perceived[:0]
+        ),
         "perceived_ever": _perceived_of(record, record.lives),
         "clutter_ratio": _mean_and_max(series.clutter_ratio),
         "classes": _classes(record, lives),
@@ -186,17 +191,16 @@ def _classes(record: SceneRecord, contents: Sequence[Content]) -> Content:
 
 def _perceived_of(record: SceneRecord, lives: Sequence[Life]) -> int | None:
     """Return how many were perceived at some time; None where perception was left out."""
-    is_known = record.series.blind_ticks is not None
-    return sum(life.is_perceived for life in lives) if is_known else None
+    return sum(life.is_perceived for life in lives) if record.is_perceiving else None
 
 
-def _life(record: SceneRecord, life: Life) -> Content:
+def _life(record: SceneRecord, life: Life, touches_ns: Sequence[int]) -> Content:
     def seconds(stamp_ns: int | None) -> float | None:
         first_ns = int(record.series.stamps_ns[0])
         return None if stamp_ns is None else (stamp_ns - first_ns) / NS_PER_S
 
     seen_ns = life.seen_ns.tolist()
-    closest_m, closest_ns = _closest(record, life)
+    closest_m, closest_ns = _closest(record, life, touches_ns)
     return {
         "id": life.artefact_id,
         "row": life.row.index,
@@ -208,22 +212,27 @@ def _life(record: SceneRecord, life: Life) -> Content:
         "first_perceived_s": seconds(min(seen_ns, default=None)),
         "last_perceived_s": seconds(max(seen_ns, default=None)),
         "ticks_perceived": len(seen_ns),
+        "robot_contacts": len(touches_ns),
         "closest_m": closest_m,
         "closest_s": seconds(closest_ns),
     }
 
 
-def _closest(record: SceneRecord, life: Life) -> tuple[float | None, int | None]:
+def _closest(
+    record: SceneRecord, life: Life, touches_ns: Sequence[int]
+) -> tuple[float | None, int | None]:
     """Return the least distance [m] of the robot from an artefact, and when it was first [ns].
 
-    To a micrometre: while both stand, rounding would choose the tick.
+    To a micrometre: while both stand, rounding would choose the tick. Who was touched moves away
+    within the sub-step, and is not in the way at the tick: the touch counts as 0 m.
     """
     stamps_ns, distances_m = record.robot_distances(life)
-    if not len(distances_m):
-        return None, None
-    distances_m = distances_m.round(6)
-    at = int(distances_m.argmin())
-    return float(distances_m[at]), int(stamps_ns[at])
+    if len(distances_m):
+        distances_m = distances_m.round(6)
+        at = int(distances_m.argmin())
+        if not touches_ns or distances_m[at] <= 0.0:
+            return float(distances_m[at]), int(stamps_ns[at])
+    return (0.0, min(touches_ns)) if touches_ns else (None, None)
 
 
 def _time_text(metrics: Content, timing: Content | None) -> str:
@@ -249,7 +258,9 @@ def _artefact_text(metrics: Content) -> str:
 
 
 def _robot_text(metrics: Content) -> str:
-    text = f"{counted(metrics['robot_contacts'], 'contact')} with artefacts"
+    touched = sum(one["robot_contacts"] > 0 for one in metrics["lives"])
+    whom = counted(touched, "artefact") if touched else "artefacts"
+    text = f"{counted(metrics['robot_contacts'], 'contact')} with {whom}"
     known = [one for one in metrics["lives"] if one["closest_m"] is not None]
     if not known:
         return text

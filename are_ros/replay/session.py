@@ -311,8 +311,12 @@ def _known_map(run: _Run) -> OccupancyGrid:
     builder, replay = run.builder, run.replay
     grid = builder.world.grid
     if grid is None:
-        reason = _refused(replay, ("map",)) or "the recording has none before its end"
-        raise BagError(f"no usable map was received ({reason}): give one with --map FILE.yaml")
+        if refused := _refused(replay, ("map",)):
+            raise BagError(
+                f"no usable map was received ({refused}): mend that, or give one with --map "
+                "FILE.yaml"
+            )
+        raise BagError("the recording has no map before its end: give one with --map FILE.yaml")
     if builder.robots.last is None:
         refused = _refused(replay, TRANSFORM_ROLES)
         period_s = 1.0 / builder.parameters.builder.tick_rate

@@ -12,7 +12,8 @@ import pytest
 
 from are_ros.agents.events import SceneMetrics
 from are_ros.draw.map import known_part, shaded, window_of, with_furniture
-from are_ros.draw.overview import _leader_px, draw_overview, subtitle_of
+from are_ros.draw.overview import _leader_px, _legends, _title, draw_overview, subtitle_of
+from are_ros.draw.palette import Rgb
 from are_ros.draw.robot import fan_at, level_sight, other_fans, spread_indices, walls_of
 from are_ros.draw.scene import Life, SceneRecord, TickSeries, Track
 from are_ros.population.catalogue import CatalogueRow
@@ -338,3 +339,17 @@ def test_the_subtitle_says_how_many_have_no_room() -> None:
     )
     scripted = subtitle_of(run([walker(1_000_000_001, (2, 2), (8, 6))]), 0, "metrics.json")
     assert scripted[-1] == "numbers are ids, as in metrics.json, s0 for 1000000000"
+
+
+def test_without_perception_nothing_is_said_to_be_perceived() -> None:
+    """Neither in the title nor in the legend: nobody looked."""
+    record = _record([_life(1, 1.0, 1.0, perceived=False)], [(0.0, 0.0, 0.0)] * 2)
+    blind = replace(record, series=replace(record.series, blind_ticks=None))
+    colours: dict[str, Rgb] = {"person": (1, 2, 3)}
+    said = [
+        [_title(one), *(e.name for part in _legends(one, colours, {}, 0) for e in part)]
+        for one in (record, blind)
+    ]
+    assert said[0][:2] == ["1 virtual artefact arrived, 0 perceived", "person  0 of 1"]
+    assert said[1][:2] == ["1 virtual artefact arrived, perception left out", "person  1"]
+    assert [one for one in said[0][2:] if one not in said[1]] == ["perceived", "never perceived"]

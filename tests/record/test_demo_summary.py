@@ -84,7 +84,8 @@ def test_it_tells_what_the_memory_keeps(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("tenths", "said"), [(range(5), "5"), ((0, 3, 4), "3"), ((0, 9, 20), "3 of 21")]
+    ("tenths", "said"),
+    [(range(5), "5"), ((0, 3, 4), "3"), ((0, 1, 5, 6), "4 of 7"), ((0, 9, 20), "3 of 21")],
 )
 def test_it_tells_how_many_ticks_were_left_out(
     tmp_path: Path, tenths: Sequence[int], said: str

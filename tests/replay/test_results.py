@@ -112,6 +112,7 @@ def test_lives_in_seconds_since_the_first_tick() -> None:
         "first_perceived_s": 0.0,
         "last_perceived_s": 0.0,
         "ticks_perceived": 2,
+        "robot_contacts": 0,
         "closest_m": None,
         "closest_s": None,
     }
@@ -148,6 +149,24 @@ def test_how_close_the_robot_came() -> None:
     assert text in "\n".join(summary_lines(content))
     content["lives"][0]["closest_m"] = 0.25
     assert "; closest 0.25 m from small 1 after" in "\n".join(summary_lines(content))
+
+
+def test_a_touch_is_no_distance() -> None:
+    """Who was touched has moved aside at the tick: it counts as 0 m, at the first touch."""
+    robot = Track(START_NS + S * np.arange(2, dtype=np.int64), np.zeros((2, 3)))
+    stood = Track(robot.stamps_ns[:1], np.array([(5.0, 0.0, 0.0)]))
+    never = np.zeros(0, dtype=np.int64)
+    lives = tuple(Life(k, PERSON, START_NS, None, "", stood, never) for k in (1, 2))
+    touches = tuple(
+        ArtefactEvent(START_NS + k * S // 4, EventKind.ROBOT_CONTACT, 2, "tall") for k in (1, 2)
+    )
+    content = metrics_content(replace(_record(2), robot=robot, lives=lives, events=touches), *NONE)
+    first, second = content["lives"]
+    assert first["closest_m"] > 4.0
+    assert second["closest_m"] == 0.0 == content["classes"]["person"]["closest_m"]
+    assert (first["robot_contacts"], second["robot_contacts"], second["closest_s"]) == (0, 2, 0.25)
+    summary = "\n".join(summary_lines(content | {"robot_contacts": 2}))
+    assert "2 contacts with 1 artefact; closest 0.00 m from tall 2 after 0.2 s" in summary
 
 
 @pytest.mark.parametrize("ticks", [0, 1, 3])
