@@ -481,9 +481,12 @@ class Runs:
         return span is None or not span[0] + SETTLING_NS <= stamp_ns <= span[1] - SETTLING_NS
 
     def is_between(self, stamp_ns: int) -> bool:
-        """Return whether a time is after a run and not near its end, and before the next one."""
+        """Return whether a time is after a run, before the next one, and near neither of them."""
         index = bisect_right(self.spans_ns, (stamp_ns, 2**63)) - 1
-        return index >= 0 and stamp_ns > self.spans_ns[index][1] + SETTLING_NS
+        if index < 0 or stamp_ns <= self.spans_ns[index][1] + SETTLING_NS:
+            return False
+        after = self.spans_ns[index + 1 : index + 2]
+        return not after or stamp_ns <= after[0][0] - SETTLING_NS
 
     def are_together(self, before_ns: int, after_ns: int) -> bool:
         """Return whether two times are in the same run."""

@@ -155,6 +155,8 @@ def _sure_since(
     """Return the time from which a viewer shows all; None while a live node sent no marker."""
     if not record.is_live:
         return scene.stamp_ns
+    # With a farewell a node deletes all; who comes after it shows its own.
+    shows = [show for show in shows if show.at_ns not in record.farewells_ns]
     begins = [show.at_ns for show in shows if _begins_anew(show)]
     if begins:
         return begins[-1]

@@ -177,8 +177,11 @@ def check_lives(record: Record) -> CheckResult:
     tally = Tally("lives", "tick")
     story, begun_ns = _LivingArtefacts(tally), deque(_begun_anew_ns(record))
     for scene, events, since_ns in events_by_tick(record):
+        is_anew = record.runs.is_beginning(scene.stamp_ns) and story.is_of_before(scene, since_ns)
         while begun_ns and begun_ns[0] <= scene.at_ns:
             begun_ns.popleft()
+            is_anew = True
+        if is_anew:
             story = _LivingArtefacts(tally)
         if record.runs.is_fresh(scene.stamp_ns):
             story.begin_with(scene)
@@ -251,6 +254,14 @@ class _LivingArtefacts:
             known = self._behaviours.setdefault(number, behaviour)
             text = f"{at_s(scene.stamp_ns)} id {number} is {behaviour}, the events say {known}"
             self._tally.require(known == behaviour, text)
+
+    def is_of_before(self, scene: Scene, since_ns: int) -> bool:
+        """Tell whether the first list after a gap is of a node that was started again meanwhile.
+
+        All in it came after the tick before, at `since_ns`, and an id among them is known.
+        """
+        are_new = bool((scene.arrivals_ns > since_ns).all())
+        return are_new and any(number in self.arrived_ns for number in scene.ids.tolist())
 
     def begin_with(self, scene: Scene) -> None:
         """Take a list as true where events were missed; departed ids stay departed."""

@@ -70,6 +70,8 @@ def test_times_are_placed_in_and_between_runs() -> None:
         False,
         True,
     ]
+    assert not runs.is_between(29 * NS_PER_S + 1)
+    assert runs.is_between(10**18)
     assert runs.are_together(10 * NS_PER_S, 20 * NS_PER_S)
     assert not runs.are_together(20 * NS_PER_S, 30 * NS_PER_S)
     assert not runs.are_together(25 * NS_PER_S, 26 * NS_PER_S)

@@ -34,6 +34,7 @@ from are_ros.parameters.ros_yaml import (
     read_ros_parameters,
     write_ros_parameters,
 )
+from tests.replay.conftest import ReplaySample
 
 MS = 1_000_000
 OUT = "/ar_builder/"
@@ -905,6 +906,29 @@ def test_a_node_that_was_started_again_begins_with_the_same_ids(
     results = results_of(first.then(*second.entries).write(tmp_path / "run"))
     assert [one.sentence() for one in results.values() if one.outcome is Outcome.FAILED] == []
     assert results["lives"].outcome is Outcome.PASSED
+
+
+@pytest.mark.parametrize("has_farewell", [False, True])
+def test_what_a_node_that_was_started_again_says_first_may_be_missed(
+    replay_sample: ReplaySample, tmp_path: Path, has_farewell: bool
+) -> None:
+    """The recorder hears of its topics a moment late, of what is latched the last.
+
+    It begins with as many artefacts as had come before, so that their number tells nothing.
+    """
+    many = ("--set", "population.initial:=stationary", "--set", "population.arrival_rate:=0.0003")
+    long = ("--set", "population.mean_life:=400", "--seed", 1)
+    tape = Tape.of(replay_sample("--with-inputs", *many, *long)).without_images()
+    first = tape.late().part(0.0, 3.0)
+    first = first.then(*first.farewell(first.entries[-1][0])) if has_farewell else first
+    second = tape.later(20 * NS_PER_S).late(2).part(0.45)
+    topic, arrivals = OUT + "metrics", list[list[int]]()
+    for one in (first, second):
+        told = [decoded(one.types[topic], data) for _, at, data in one.entries if at == topic]
+        arrivals.append([message.arrivals for message in told])
+    assert 0 < max(arrivals[0]) <= min(arrivals[1])
+    results = results_of(first.then(*second.entries).write(tmp_path / "run"))
+    assert [one.sentence() for one in results.values() if one.outcome is Outcome.FAILED] == []
 
 
 def test_an_id_that_comes_again_after_its_end_is_caught(whole: Tape, tmp_path: Path) -> None:
