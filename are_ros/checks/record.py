@@ -400,9 +400,7 @@ def _without_repeats(maps: list[RealMap]) -> list[RealMap]:
     """Leave out maps that came again as they were: latched ones do."""
     kept: list[RealMap] = []
     for real in maps:
-        if not kept or not (
-            kept[-1].has_geometry_of(real) and np.array_equal(kept[-1].cells, real.cells)
-        ):
+        if not kept or not kept[-1].is_like(real):
             kept.append(real)
     return kept
 

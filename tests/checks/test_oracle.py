@@ -19,8 +19,12 @@ from are_ros.checks.oracle.frames import ODOMETRY, TF, Frames
 from are_ros.checks.oracle.inflation import Costs, Inflation
 from are_ros.checks.oracle.plane import Outline, distances_m, overlap_depths_m
 from are_ros.checks.oracle.solids import Covers, RealMap, Walls
+from are_ros.checks.record import Record
+from are_ros.checks.sensors.scans import KnownWalls
+from are_ros.conventions import NS_PER_S
 from are_ros.errors import FrameError
 from are_ros.messages.markers import MarkerEncoder
+from are_ros.parameters.model import Parameters
 from are_ros.world.boxes import OrientedBoxes
 from are_ros.world.footprint import Footprint, penetration_m
 from are_ros.world.occupancy_grid import OccupancyGrid
@@ -97,6 +101,22 @@ def test_ways_from_many_starts_are_crossed_as_each_alone() -> None:
     alone = [walls.crossed(start, end[None])[0] for start, end in zip(starts, ends, strict=True)]
     assert 20 < np.isfinite(alone).all(axis=1).sum() < 180
     assert np.array_equal(walls.crossed(starts, ends), alone, equal_nan=True)
+
+
+def test_walls_are_known_though_the_map_comes_again_and_again() -> None:
+    """As a map that is published twice a second; for a second after another one they are not."""
+    cells = np.zeros((4, 5), np.int8)
+    cells[1, 2] = 100
+    record = Record(Parameters(), walls="map")
+    for k in range(8):
+        cells = cells.copy()
+        cells[3, 3] = 100 if k >= 5 else 0
+        record.maps.append(RealMap(cells, 0.1, (0.0, 0.0, 0.0), 0.0, "map", k * NS_PER_S // 2))
+    walls = KnownWalls(record)
+    found = [walls.at(k * NS_PER_S // 2 + 1) for k in range(12)]
+    assert [one is not None for one in found] == [k not in {5, 6} for k in range(12)]
+    assert found[0] is found[4]
+    assert [len(one.solid) for one in found if one is not None] == [1] * 5 + [2] * 5
 
 
 def test_no_check_imports_what_it_checks() -> None:

@@ -47,6 +47,12 @@ class RealMap:
             and self.frame_id == other.frame_id
         )
 
+    def is_like(self, other: "RealMap") -> bool:
+        """Tell whether another map is the same, but for the time at which it came."""
+        return self is other or (
+            self.has_geometry_of(other) and np.array_equal(self.cells, other.cells)
+        )
+
     @cached_property
     def blank(self) -> "RealMap":
         """A map of this geometry that is 0 everywhere: what an artefact map is drawn on."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from are_ros.bag.decoded import DISPLACED, Scene
 from are_ros.checks.oracle.frames import EVER, Pose
 from are_ros.checks.oracle.plane import about_z, distances_m
-from are_ros.checks.oracle.solids import Cloud, Walls
+from are_ros.checks.oracle.solids import Cloud, RealMap, Walls
 from are_ros.checks.record import Record
 from are_ros.checks.result import CheckResult, Tally, at_s, skipped
 from are_ros.checks.sensors.depth_images import DepthFrame, box_triangles, compared
@@ -464,6 +464,7 @@ class KnownWalls:
     def __init__(self, record: Record) -> None:
         self._record = record
         self._known: dict[int, Walls | None] = {}
+        self._map: RealMap | None = None
         self.doubt = ""
         if record.is_live:
             self.doubt = "a live recording does not tell what the node knew when it augmented it"
@@ -492,8 +493,11 @@ class KnownWalls:
             cloud = record.clouds[0]
             return self._of_cloud(cloud) if cloud.since_ns + NS_PER_S < time_ns else None
         now, before = (record.real_map_at(t_ns) for t_ns in (time_ns, time_ns - NS_PER_S))
-        if now is None or (before is not None and before is not now):
+        if now is None or (before is not None and not before.is_like(now)):
             return None
+        if self._map is not None and self._map.is_like(now):
+            now = self._map  # it came again as it was
+        self._map = now
         if id(now) not in self._known:
             world = record.settings.world
             low_m, high_m = world.ground_height, world.ground_height + world.wall_height
