@@ -9,6 +9,7 @@ import io
 import json
 import logging
 import math
+import re
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass
@@ -661,8 +662,10 @@ def _stage_of(place: ViewedPlace, ticks: Sequence[Moment], margin_m: float) -> t
     others = [one.pose[:2] for tick in ticks for one in tick.artefacts]
     if points := [*robot, *others]:
         around = np.array(points, dtype=np.float64)
-        low = np.maximum(low, around.min(axis=0) - margin_m)
-        high = np.minimum(high, around.max(axis=0) + margin_m)
+        near, far = around.min(axis=0) - margin_m, around.max(axis=0) + margin_m
+        is_on_map = (np.maximum(low, near) < np.minimum(high, far)).all()
+        low = np.maximum(low, near) if is_on_map else near
+        high = np.minimum(high, far) if is_on_map else far
     span = np.maximum(high - low, 2.0)
     middle = 0.5 * (low + high)
     tan = math.tan(0.5 * _FIELD_OF_VIEW_RAD)
@@ -702,15 +705,15 @@ def _overlay(
         if has_scans or node != "/scans"
     )
     text = _OVERLAY.read_text(encoding="utf-8")
-    for key, value in {
+    values = {
         "TITLE": html.escape(title),
         "ROWS": rows,
         "NOTES": "".join(f"<p>{html.escape(note)}</p>" for note in notes),
         "LAYERS": layers,
         "DATA": json.dumps(data),
-    }.items():
-        text = text.replace(f"@{key}@", value)
-    return text
+    }
+    # In one pass: a name may look like one of the places.
+    return re.sub("@(" + "|".join(values) + ")@", lambda found: values[found[1]], text)
 
 
 def coarsened(voxels: VoxelMap, factor: int) -> VoxelMap:

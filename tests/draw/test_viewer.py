@@ -332,6 +332,35 @@ def test_another_life_of_an_id_has_a_body_and_a_way_of_its_own() -> None:
 
 
 @needs_viser
+def test_names_that_look_like_places_of_the_page_stay_as_they_are(tmp_path: Path) -> None:
+    """As any other names, of a recording and of a class."""
+    recorder = SceneRecorder(Parameters(), Catalogue(()))
+    recorder.keep(replace(tick(0), artefacts=[artefact(7, "@NOTES@", 1.5)]), None)
+    view = write_view(tmp_path / "view.html", place(), recorder.record(), "@ROWS@")
+    content = view.path.read_text(encoding="utf-8")
+    assert "<summary>@ROWS@</summary>" in content
+    assert "</i>@NOTES@</li>" in content
+
+
+@needs_viser
+@pytest.mark.parametrize("x_m", [2.0, 30.0, -400.0])
+def test_the_page_looks_at_what_happens_beside_the_map_too(x_m: float) -> None:
+    """As where the map's transform is wrong: it looked at nothing, half-way to the robot."""
+    recorder = SceneRecorder(Parameters(), Catalogue(()))
+    base = RigidTransform(np.array((x_m, 1.5, 0.0)), np.array((0.0, 0.0, 0.0, 1.0)))
+    for number in range(2):
+        moment = replace(tick(number), artefacts=[], map_from_base=base, map_from_camera=None)
+        recorder.keep(moment, None)
+    server = viewer.start_server(port=0)
+    try:
+        viewer.aim_camera(server, place(), [*recorder.record().moments()])
+        x, y, _ = server.initial_camera.look_at
+    finally:
+        viewer.stop_server(server)
+    assert math.dist((x, y), (x_m, 1.5)) < 1.0
+
+
+@needs_viser
 def test_the_page_says_what_it_leaves_out(tmp_path: Path) -> None:
     """As the terminal does: who gets the page has not seen that."""
     view = write_view(tmp_path / "view.html", place(), ticks(MOST_TICKS + 1), "a room")
