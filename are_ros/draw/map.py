@@ -24,6 +24,8 @@ _THINNEST_WALL_PX: Final = 1.25
 _THICK_FROM: Final = 50
 _FINE: Final = 3
 """Cells are drawn with so many samples a pixel, per axis, at least."""
+_CELLS_AT_ONCE: Final = 250_000
+"""Places of so many cells are in memory: all those of a hall at 2 cm would be gigabytes."""
 
 
 @dataclass(frozen=True)
@@ -230,9 +232,13 @@ def _covered(grid: OccupancyGrid, part: KnownPart, voxels: VoxelMap) -> npt.NDAr
     cells = cells - np.array((part.row0, part.col0))
     inside = ((cells >= 0) & (cells < covered.shape)).all(axis=1)
     covered[cells[inside, 0], cells[inside, 1]] = True
-    rows, cols = np.indices(covered.shape).reshape(2, -1)
-    own = grid.cells_to_points(np.column_stack((rows + part.row0, cols + part.col0)))
-    found = voxels.points_to_voxels(np.column_stack((own, np.zeros(len(own)))))[:, :2]
-    inside = ((found >= 0) & (found < columns.shape)).all(axis=1)
-    covered[rows[inside], cols[inside]] |= columns[found[inside, 0], found[inside, 1]]
+    height, width = part.cells.shape
+    step = max(1, _CELLS_AT_ONCE // max(width, 1))
+    for row0 in range(0, height, step):
+        strip = covered[row0 : row0 + step]
+        rows, cols = np.indices(strip.shape).reshape(2, -1)
+        own = grid.cells_to_points(np.column_stack((rows + row0 + part.row0, cols + part.col0)))
+        found = voxels.points_to_voxels(np.column_stack((own, np.zeros(len(own)))))[:, :2]
+        inside = ((found >= 0) & (found < columns.shape)).all(axis=1)
+        strip[rows[inside], cols[inside]] |= columns[found[inside, 0], found[inside, 1]]
     return covered
