@@ -338,7 +338,7 @@ def test_a_scripted_artefact_in_a_wall_is_said(
     )
     words = ("--scenario", path, "--set", "population.arrival_rate:=0", "--duration", "2")
     done = run_are("replay", sample_bag, *words, "--out", tmp_path / "out")
-    assert done.returncode == 0
+    assert done.returncode == 3
     (said,) = (line for line in done.stderr.splitlines() if line.startswith("blocked: "))
     assert "anna" in said
     assert "1 arrived, 1 blocked" in done.stderr
