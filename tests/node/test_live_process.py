@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from threading import Thread
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -259,10 +259,18 @@ def guard(ros_available: None) -> Iterator[Process]:  # noqa: ARG001 - it skips
     process.kill()
 
 
-def test_the_guard_gives_the_real_map_back(
-    ros: RosWorld, start: Start, guard: Process, catalogue_file: Path
-) -> None:
-    """Once, within a second of a kill; never while the node lives, be it stalled or paused."""
+class Guarded(NamedTuple):
+    """A guarded node with one artefact in its maps: its process, its user, the maps that came."""
+
+    process: Process
+    user: Any
+    maps: list[Any]
+    artefact_maps: list[Any]
+
+
+@pytest.fixture
+def guarded(ros: RosWorld, start: Start, guard: Process, catalogue_file: Path) -> Guarded:
+    """Return a node that the guard watches."""
     process = start({**QUIET, "catalogue": str(catalogue_file), "costmap.gate": "all"})
     user = ros.make_node("user")
     maps, artefacts = (collect(ros, user, name) for name in ("augmented_map", "artefact_map"))
@@ -272,6 +280,12 @@ def test_the_guard_gives_the_real_map_back(
     ros.spin_until(lambda: maps)
     spawn(ros, user, pose_at(2.05, 2.05))
     ros.spin_until(lambda: artefacts and artefacts[-1].data.tolist().count(100) == 25)
+    return Guarded(process, user, maps, artefacts)
+
+
+def test_the_guard_gives_the_real_map_back(ros: RosWorld, guard: Process, guarded: Guarded) -> None:
+    """Once, within a second of a kill; never while the node lives, be it stalled or paused."""
+    process, user, maps, artefacts = guarded
     pause = service_class("std_srvs/srv/SetBool")
     for is_paused in (True, False):
         assert ask(ros, user, "pause", pause, pause.Request(data=is_paused)).success
@@ -297,18 +311,10 @@ def test_the_guard_gives_the_real_map_back(
 
 
 def test_a_node_that_the_guard_took_for_dead_gets_its_maps_back(
-    ros: RosWorld, start: Start, guard: Process, catalogue_file: Path
+    ros: RosWorld, guard: Process, guarded: Guarded
 ) -> None:
     """It was stopped, and knows of nothing; nothing moves that would make it send them again."""
-    process = start({**QUIET, "catalogue": str(catalogue_file), "costmap.gate": "all"})
-    user = ros.make_node("user")
-    maps, artefacts = (collect(ros, user, name) for name in ("augmented_map", "artefact_map"))
-    publish(user, "map", room())
-    process.wait_for(READY)
-    guard.wait_for("/ar_builder runs, and is guarded")
-    ros.spin_until(lambda: maps)
-    spawn(ros, user, pose_at(2.05, 2.05))
-    ros.spin_until(lambda: artefacts and artefacts[-1].data.tolist().count(100) == 25)
+    process, _, maps, artefacts = guarded
     augmented = maps[-1].data
     process.signal(signal.SIGSTOP)
     guard.wait_for("/ar_builder was killed")
