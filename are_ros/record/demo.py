@@ -21,6 +21,7 @@ from are_ros.bag.roles import find_roles
 from are_ros.errors import BagError, NodeError
 from are_ros.messages.sensors import SENSORS
 from are_ros.messages.tick_encoding import OUTPUTS
+from are_ros.node.diagnostics import WITHOUT_CLOCK
 from are_ros.node.message_classes import service_class
 from are_ros.node.startup import executor_of, ros_session
 from are_ros.parameters.declaration import with_values
@@ -233,9 +234,9 @@ def _state(client: Any, executor: Any) -> int:
 
 
 def _warnings(log: Path) -> list[str]:
-    """Return what a log warns of, each sentence once."""
+    """Return what a log warns of, each sentence once; the clock begins with the recording."""
     words = log.read_text(encoding="utf-8", errors="replace")
-    return list(dict.fromkeys(_WARNING.findall(words)))
+    return [said for said in dict.fromkeys(_WARNING.findall(words)) if said != WITHOUT_CLOCK]
 
 
 def _check_alive(processes: Sequence["subprocess.Popen[bytes]"], out: Path) -> None:

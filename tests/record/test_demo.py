@@ -89,6 +89,7 @@ def test_the_node_says_farewell(run: str, request: pytest.FixtureRequest) -> Non
 
 def test_what_the_node_warned_of_is_repeated_once(tmp_path: Path) -> None:
     """Of its log, the sentences of warnings and errors."""
+    from are_ros.node.diagnostics import WITHOUT_CLOCK
     from are_ros.record.demo import _warnings
 
     log = tmp_path / "node.log"
@@ -97,6 +98,7 @@ def test_what_the_node_warned_of_is_repeated_once(tmp_path: Path) -> None:
         ("WARN", "tf is late"),
         ("ERROR", "no map"),
         ("WARN", "tf is late"),
+        ("WARN", WITHOUT_CLOCK),
     )
     lines = [f"[{level}] [17.{k:09}] [ar_builder]: {said}" for k, (level, said) in enumerate(words)]
     log.write_text("\n".join(lines), encoding="utf-8")
