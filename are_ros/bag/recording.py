@@ -7,7 +7,6 @@ order of the file, give the time: `RecordedMessage.at_ns`.
 
 import json
 from bisect import bisect_left, bisect_right
-from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -97,9 +96,11 @@ class RecordingFiles:
         """
         if self.parameters is not None:
             return with_file(Parameters(), self.parameters)
+        last: Parameters | None = None
         with suppress(BagError), Recording(self) as recording:  # who reads on tells of them
-            return next(iter(deque(recording.published_parameters(), maxlen=1)), None)
-        return None
+            for parameters in recording.published_parameters():
+                last = parameters
+        return last
 
     def effective(self) -> Parameters:
         """Return the parameters of the run, the defaults where nothing tells. ParameterError."""

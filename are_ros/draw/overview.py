@@ -240,25 +240,18 @@ def _legends(
     rest = [*_artefact_entries(record, end_ns), *_event_entries(record)]
     if record.has_cameras:
         rest.append(Entry("in view at some time", patch_sign(SEEN, 0.17)))
-    classes = class_entries(record.lives, colours, with_perceived=record.is_perceiving)
-    return [classes, behaviour_entries(record.lives, marks), rest]
+    return [class_entries(record, colours), behaviour_entries(record.lives, marks), rest]
 
 
-def class_entries(
-    lives: Sequence[Life], colours: Mapping[str, Rgb], *, with_perceived: bool
-) -> list[Entry]:
-    """Return an entry for each class: how many there were, and how many of them were perceived."""
-    counts = Counter(life.row.class_name for life in lives)
-    seen = Counter(life.row.class_name for life in lives if life.is_perceived)
-    return [
-        Entry(
-            f"{name}  {seen[name]} of {counts[name]}"
-            if with_perceived
-            else f"{name}  {counts[name]}",
-            patch_sign(colours[name]),
-        )
-        for name in sorted(counts)
-    ]
+def class_entries(record: SceneRecord, colours: Mapping[str, Rgb]) -> list[Entry]:
+    """Return an entry for each class: how many were perceived, if known, and how many came."""
+    counts = Counter(life.row.class_name for life in record.lives)
+    seen = Counter(life.row.class_name for life in record.lives if life.is_perceived)
+    shares = {
+        name: f"{seen[name]} of {count}" if record.is_perceiving else f"{count}"
+        for name, count in sorted(counts.items())
+    }
+    return [Entry(f"{name}  {share}", patch_sign(colours[name])) for name, share in shares.items()]
 
 
 def behaviour_entries(lives: Sequence[Life], marks: Mapping[str, str]) -> list[Entry]:
